@@ -183,17 +183,29 @@ def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
 
 def restaging(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     """Return the next write that brings the drive's words in line with a rendering, if any (M2)."""
+    addresses = addresses_to_restage(axis, rendering)
+    if not addresses:
+        return None
+    address, wanted = addresses[0], rendering.corrected_words
+    if axis.plan.writes_with is not Form.FC06:
+        return _restaging(axis, rendering, address, wanted)
+    start = 2 * (address - axis.plan.command[rendering.number].address)
+    return _restaging(axis, rendering, address, wanted[start : start + 2])
+
+
+def addresses_to_restage(axis: Axis, rendering: Rendering) -> list[int]:
+    """Return the registers that have to be written for that, however many frames it takes."""
     there, wanted = axis.fields[rendering.number].corrected_words, rendering.corrected_words
     if there == wanted:
-        return None
+        return []
     place = axis.plan.command[rendering.number]
-    if axis.plan.writes_with is not Form.FC06:
-        return _restaging(axis, rendering, place.address, wanted)
-    for word in range(place.words):
-        start, end = 2 * word, 2 * word + 2
-        if there is None or there[start:end] != wanted[start:end]:
-            return _restaging(axis, rendering, place.address + word, wanted[start:end])
-    return None
+    if there is None or axis.plan.writes_with is not Form.FC06:
+        return list(range(place.address, place.end))
+    return [
+        place.address + word
+        for word in range(place.words)
+        if there[2 * word : 2 * word + 2] != wanted[2 * word : 2 * word + 2]
+    ]
 
 
 def _restaging(axis: Axis, rendering: Rendering, address: int, words: bytes) -> AddedFrame:

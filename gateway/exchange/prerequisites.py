@@ -4,6 +4,7 @@ from gateway.drives.motion import Action
 from gateway.exchange.added_frames import (
     AddedFrame,
     Purpose,
+    addresses_to_restage,
     homed_read,
     read_bit,
     read_field,
@@ -183,26 +184,31 @@ def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
 
 
 def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:
+    """Return the next write of a staged target for its trigger, if any; never of a word that starts (M2).
+
+    That would move the axis before its trigger, with the speed of the move before, and also where the trigger
+    is withdrawn (W5).
+
+    Raises:
+        RefusedRequestError: the target has to be written anew and must not be.
+    """
     added = restaging(axis, rendering)
-    if added is not None and rendering.is_distance and _starts(added):
+    if added is None:
+        return None
+    if not axis.plan.motion.starts_on.isdisjoint(addresses_to_restage(axis, rendering)):
         raise RefusedRequestError(
             ExceptionCode.SERVER_DEVICE_FAILURE,
             axis.plan.name,
-            "the distance has to be written anew, and writing it starts the move: write it in the frame that "
+            "its target has to be written anew, and writing it starts the move: write it in the frame that "
             "runs it",
         )
-    if added is not None and not axis.plan.added_frames:
+    if not axis.plan.added_frames:
         raise RefusedRequestError(
             ExceptionCode.SERVER_DEVICE_FAILURE,
             axis.plan.name,
             'the staged target has to be written anew for its trigger, and added_frames = "never" forbids it',
         )
     return added
-
-
-def _starts(added: AddedFrame) -> bool:
-    written = range(added.address, added.address + added.quantity)
-    return any(address in written for address in added.axis.plan.motion.starts_on)
 
 
 def _staged_words(meaning: Meaning) -> bytes | None:

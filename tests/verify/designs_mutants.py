@@ -7,6 +7,7 @@ from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, ModePlan, MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.modbus.registers import BitField
+from tests.exchange.line_bench import COMMAND
 from tests.exchange.staged_bench import ALARM_BIT, BITS, COMMANDED, DEEDS, MODE, RUN, TRIGGER
 from tests.verify.designs_frames import SERIAL
 from tests.verify.designs_rules import SETTLE, WAIT, ask, go, seen
@@ -21,6 +22,10 @@ RISING: Final = MotionPlan(is_staged=True, triggers=(TriggerPlan(TRIGGER, rising
 MODED: Final = MotionPlan(
     modes=(ModePlan(MODE, actions={1: Action.ABSOLUTE, 2: Action.RELATIVE_TO_COMMANDED}, resets_to=1),)
 )
+STARTING: Final = MotionPlan(
+    starts_on=frozenset({COMMAND.address}), triggers=(TriggerPlan(TRIGGER, deeds=DEEDS),)
+)
+"""A drive that goes as the low word of its target is written, and again at its trigger."""
 COIL: Final = MotionPlan(
     is_staged=True,
     triggers=(TriggerPlan(TRIGGER, is_coil=True, rising=1, deeds={1: DEEDS[RUN], 0: DEEDS[0]}),),
@@ -209,6 +214,14 @@ def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
             on_the_way_counts=tuple(range(-19501, 39501, 500)),
             judges_blocks=False,
             checks_way_back=False,
+        ),
+        small(
+            "s-starts",
+            "a drive that goes as a word of its target is written, and again at its trigger; jogged",
+            plan(motion=STARTING),
+            menu=("to", "run", "jog-on"),
+            targets=(2003,),
+            ways=((*ask("to", 0), ("arrive", 0), *ask("jog-on"), *ask("run"), *ask("to", 0)),),
         ),
         small(
             "s-queued",

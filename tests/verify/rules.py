@@ -346,6 +346,8 @@ def _is_frame_of(frame: bytes, request: bytes) -> bool:
 def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
     """A write that no controller has asked for: only a staged target right before its trigger (M2)."""
     shown = pdu.hex(" ")
+    if not world.design.is_staged:
+        raise BrokenRuleError(f"a write that nobody has asked for, and it moves the axis: {shown} (2, W5)")
     is_passing = world.said(number).compensation in PASSING
     why = f"a write that nobody has asked for: {shown} (2)"
     for port, transaction_id in world.state.order:

@@ -51,6 +51,7 @@ def test_a_tiny_world_closes_and_has_a_way_back_from_everywhere() -> None:
             BY_NAME[name]
             for name in [
                 *("s-down", "s-carry", "s-stored", "s-killed-within", "s-two-units", "b-requests"),
+                "s-starts",
                 *("s-scaled-halves", "s-both", "s-warm", "b-rtu", "b-rtu-late-size", "b-rtu-pairs"),
             ]
         )
