@@ -183,15 +183,15 @@ def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
 
 def restaging(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     """Return the next write that brings the drive's words in line with a rendering, if any (M2)."""
-    there, wanted = axis.fields[rendering.number].corrected_words, rendering.corrected_words
-    if there == wanted:
+    image, wanted = axis.fields[rendering.number], rendering.corrected_words
+    if image.holds(0, wanted):
         return None
     place = axis.plan.command[rendering.number]
     if axis.plan.writes_with is not Form.FC06:
         return _restaging(axis, rendering, place.address, wanted)
     for word in range(place.words):
         start, end = 2 * word, 2 * word + 2
-        if there is None or there[start:end] != wanted[start:end]:
+        if not image.holds(word, wanted[start:end]):
             return _restaging(axis, rendering, place.address + word, wanted[start:end])
     return None
 
