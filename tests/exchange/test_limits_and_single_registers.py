@@ -116,7 +116,7 @@ def test_fc06_every_word_that_is_not_known_is_written_anew() -> None:
     """
     bench = StagedBench(staged_plan(**SINGLE))
     went_to(bench, -1000, 1000, 0)
-    assert bench.drive.moves[-1] == ("absolute", -10)
+    assert bench.drive.get(COMMAND) == -10
     bench.ask(HOME_PDU)
     bench.drive.put(COMMANDED, -2000)
     bench.settle()
