@@ -137,6 +137,17 @@ class Units:
         ]
 
     @staticmethod
+    def given_targets(frames: Iterable[Frame]) -> list[Axis]:
+        """Return the axes whose targets a request writes."""
+        return [
+            meaning.axis
+            for frame in frames
+            if frame.unit.has_rules
+            for meaning in meanings(frame)
+            if meaning.commands
+        ]
+
+    @staticmethod
     def only_stops(frames: Iterable[Frame]) -> bool:
         """Whether a request does nothing to any axis but stop it."""
         found = [meaning for frame in frames for meaning in meanings(frame)]

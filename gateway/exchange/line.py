@@ -244,8 +244,12 @@ class LineExchange:
         return self._is_behind(port) and not self._waiting.is_full(port, 2)
 
     def _overtake(self, stop: Transaction, stops: list[Meaning], now_ns: int) -> None:
-        """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3)."""
+        """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3).
+
+        So it does with axes whose targets the same frame writes: their triggers were meant for those before.
+        """
         axes = [meaning.axis for meaning in stops]
+        axes += self._units.given_targets(self._units.frames_of(stop))
         reason = "a stop of its axis came after it"
         for transaction in self._waiting.withdraw(lambda each: is_acting_on(self._units, each, axes)):
             self._overtaken(transaction, reason, now_ns)
@@ -369,7 +373,7 @@ class LineExchange:
         if code is not None:
             self._refuse(transaction, code, now_ns)
         elif self._waiting.has_stops and not transaction.overtaken_by:
-            transaction.need(None)
+            transaction.begin_anew()
             self._waiting.put_back(transaction)
         else:
             self._start(transaction, now_ns)

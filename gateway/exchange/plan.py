@@ -228,9 +228,6 @@ class LineTiming:
     response_timeout_ms: float = 1000.0
     drain_ms: float = 0.0
     """Silence that must follow a time-out; 0: ``response_timeout_ms`` (W6). RTU only."""
-    retry_ms: float = 1000.0
-    """Pause before a unit is tried again that left three requests in a row unanswered: twice as long each
-    time, up to 10 s; 0: it is asked as if it had answered."""
     turnaround_ms: float = 100.0
     """Pause after a broadcast (Modbus over serial line V1.02, 2.4.1: typically 100 to 200 ms)."""
     gap_ms: float = 0.0
@@ -239,3 +236,6 @@ class LineTiming:
     """Time without motion after which a monitor's may start; directly after motion it may always."""
     monitor_max_wait_ms: float = 200.0
     """A monitor's request that has waited for as long goes at the next gap, though it does not fit."""
+    retry_ms: float = 1000.0
+    """Pause before a unit is tried again that left three requests in a row unanswered: twice as long each
+    time, up to 10 s; 0: it is asked as if it had answered."""

@@ -255,6 +255,11 @@ class Transaction:
         """Note which frame of the gateway's own it needs first; None: none any more."""
         self.added = frame
 
+    def begin_anew(self) -> None:
+        """Something else goes first: what it needs is found out anew when its turn comes, and read again."""
+        self.added = None
+        self.known = Known()
+
     def carry(self, path: FastPath, target: SteadyTarget) -> None:
         """Note the target that it carries on a fast path."""
         self.path, self.target = path, target

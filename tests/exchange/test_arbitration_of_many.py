@@ -8,7 +8,7 @@ from gateway.exchange.plan import ControllerPlan, LineTiming, Role
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from tests.exchange.line_bench import MS, Bench, Port, axis_plan
 
-TIMING = LineTiming(response_timeout_ms=300.0, drain_ms=100.0, monitor_max_wait_ms=200.0)
+TIMING = LineTiming(response_timeout_ms=300.0, drain_ms=100.0, monitor_max_wait_ms=200.0, retry_ms=0.0)
 MOTION = bytes.fromhex("03 1000 0001")
 SILENT_UNIT = 9
 START_NS = 1_000 * MS

@@ -83,9 +83,9 @@ def test_a_half_is_not_joined_with_one_that_was_lost_before_a_newer_whole_one() 
 def test_a_half_that_a_full_queue_refused_is_lost_until_the_other_follows() -> None:
     bench = Bench(axis_plan(), serial=False)
     bench.move(65_530)
-    for number in range(33):
+    for number in range(951):  # one is on the wire, 949 have room
         bench.send(bytes.fromhex("03 0700 0001"), transaction_id=number)
-    bench.send(HIGH_1, transaction_id=90)
+    bench.send(HIGH_1, transaction_id=2000)
     bench.serve()
     bench.port.replies.clear()
     bench.wait(300)

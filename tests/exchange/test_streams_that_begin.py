@@ -98,7 +98,7 @@ def test_m9_a_stream_that_loses_its_reference_keeps_its_offset_and_fades() -> No
 
 def test_m9_a_stream_of_an_axis_that_lost_replies_holds_still() -> None:
     plan = stream_plan(table=LIFTED, referenced=Reference.HOMING, lost_ms=1000.0)
-    bench = Bench(plan, timing=LineTiming(drain_ms=1))
+    bench = Bench(plan, timing=LineTiming(drain_ms=1, retry_ms=0))
     bench.line.axes[0].declare_referenced()
     bench.memory.put(ACTUAL, 50_000)
     stream(bench, [50_000, 52_000, 55_950])

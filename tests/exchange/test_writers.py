@@ -211,7 +211,7 @@ def test_w10_requests_of_another_one_that_never_went_out_take_nothing_either() -
     cnc, panel = controller("cnc", "10.0.0.1"), controller("panel", "10.0.0.2")
     move(bench, cnc, 4_000)
     bench.send(read(ACTUAL), cnc)  # the line is busy
-    for number in range(40):
+    for number in range(2_000):  # twice what has room: what is more is refused at once
         bench.send(write(COMMAND, 9_000 + number), panel)
     assert {pdu.hex() for _, _, pdu in panel.replies} == {"9006"}  # the queue was full
     bench.line.controller_gone(panel, bench.now_ns)

@@ -488,6 +488,23 @@ class AxisState:
             and not image.is_torn
             and image.nominal_words == nominal_words
             and image.corrected_words is not None
+            and (number != self.last_number or self.is_dry_run or self._holds_target(number))
+        )
+
+    def _holds_target(self, number: int) -> bool:
+        """Whether the words of a command field are the last accepted target, in both frames.
+
+        Not those of a distance, of a position written where it means nothing, or with a word replaced.
+        """
+        accepted, image, field_ = self.compensation.accepted, self.fields[number], self.plan.command[number]
+        if accepted is None or image.nominal_words is None or image.corrected_words is None:
+            return False
+        near = 0.5 * field_.step_counts(accepted.corrected_counts)
+        nominal = counts_of(field_, field_.unpack(image.nominal_words))
+        corrected = counts_of(field_, field_.unpack(image.corrected_words))
+        return (
+            abs(nominal - accepted.nominal_counts) < near
+            and abs(corrected - accepted.corrected_counts) < near
         )
 
     @property
@@ -509,11 +526,10 @@ class AxisState:
         if self.compensation.is_stream or accepted is None or number is None:
             return self.retained
         image = self.fields[number]
-        if image.nominal_words is None or image.corrected_words is None:
-            return None
-        field_ = self.plan.command[number]
-        if counts_of(field_, field_.unpack(image.nominal_words)) != accepted.nominal_counts:
+        if not self._holds_target(number):
             return None  # another one is staged there by now, or a distance
+        assert image.nominal_words is not None
+        assert image.corrected_words is not None
         return Retained(
             number,
             image.nominal_words,

@@ -1,0 +1,158 @@
+"""What readers of the code have found: words that count for a target that they are not, and old readings.
+
+The table adds 10 counts to a position that is come to forward and takes 10 away backward.
+"""
+
+from dataclasses import replace
+
+from gateway.drives.motion import Action, ModePlan, MotionPlan, TriggerPlan
+from gateway.exchange.plan import ControllerPlan, Reference
+from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
+from tests.exchange import test_hazard_starting_words as starting
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, write
+from tests.exchange.staged_bench import (
+    COMMANDED,
+    DEEDS,
+    JOG_PDU,
+    MODE,
+    RUN_PDU,
+    STOP,
+    STOP_PDU,
+    StagedBench,
+    staged_plan,
+)
+
+IGNORES = MotionPlan(modes=(ModePlan(MODE, actions={1: Action.ABSOLUTE}, otherwise=Action.IGNORE),))
+OTHER = PositionField(0x0700, RegisterType.INT32, WordOrder.LOW_FIRST)
+OTHER_TRIGGER = 0x0608
+
+
+def mode(word: int) -> bytes:
+    """FC06 that writes the mode register."""
+    return b"\x06" + MODE.to_bytes(2, "big") + word.to_bytes(2, "big")
+
+
+def test_a_position_that_was_written_where_it_means_nothing_is_no_repeat_afterwards() -> None:
+    """M4: in mode 9 the drive keeps 3000 and stands at 10; in mode 1 the same words are a target: 3010."""
+    bench = Bench(axis_plan(motion=IGNORES))
+    bench.ask(mode(1))
+    bench.move(-5000)
+    bench.move(0)
+    bench.actual()
+    bench.ask(mode(9))
+    bench.ask(write(COMMAND, 3000))
+    assert bench.seen[-1] == write(COMMAND, 3000)
+    bench.ask(mode(1))
+    bench.ask(write(COMMAND, 3000))
+    assert bench.seen[-1] == write(COMMAND, 3010)
+
+
+def test_a_target_of_which_a_word_was_replaced_is_not_given_again_over_a_lost_reference() -> None:
+    """M4, M9: 65530 was told as 65540 = 0x0001_0004. Its high word, written alone, leaves the drive with
+    0x0000_0004 for 0x0000_FFFA; the homed bit falls and rises, and the whole target comes again: 65540, for
+    the axis stands there."""
+    plan = axis_plan(
+        command=(starting.TARGET,),
+        actual=(starting.ACTUAL,),
+        motion=starting.ON_LOW_WORD,
+        bits={"homed": BitField(0x9005, 4)},
+        referenced=Reference.DRIVE_BIT,
+    )
+    bench = Bench(plan, serial=False)
+    status = bytes.fromhex("03 9005 0001")
+    for word, requests in (
+        (16, [write(starting.TARGET, 1000), write(starting.TARGET, 65_530)]),
+        (16, [status, bytes.fromhex("06 9900 0000")]),
+        (0, [status]),
+        (16, [status]),
+    ):
+        bench.memory.words[0x9005] = word
+        for request in requests:
+            bench.ask(request)
+            if request[0] == 16:
+                bench.memory.put(starting.ACTUAL, bench.memory.get(starting.TARGET))
+                bench.wait(1000)
+                bench.ask(read(starting.ACTUAL))
+    bench.ask(write(starting.TARGET, 65_530))
+    assert bench.seen[-1] == write(starting.TARGET, 65_540)
+
+
+def two_on_a_unit() -> StagedBench:
+    """Two staged axes with one unit id; x stands at 80 000, where it was jogged, and 50 000 is staged."""
+    y = replace(
+        staged_plan(),
+        name="y",
+        command=(OTHER,),
+        actual=(PositionField(0x0720, RegisterType.INT32, WordOrder.LOW_FIRST),),
+        commanded=(),
+        motion=MotionPlan(is_staged=True, triggers=(TriggerPlan(OTHER_TRIGGER, deeds=DEEDS),)),
+        bits={},
+    )
+    bench = StagedBench(staged_plan(), y, serial=False)
+    for counts in (-5000, 20_000):
+        bench.stage(counts)
+        bench.trigger()
+        bench.wait(100)
+        bench.drive.arrive()
+        bench.wait(1200)
+        bench.actual()
+    bench.stage(50_000)
+    bench.ask(JOG_PDU)
+    for place in (ACTUAL, COMMANDED):
+        bench.drive.put(place, 80_000)
+    bench.drive.set_bits(is_done=True)
+    bench.wait(2000)
+    bench.actual()
+    return bench
+
+
+def test_a_stop_whose_frame_has_a_newer_target_of_another_axis_withdraws_the_trigger_of_the_older_one() -> (
+    None
+):
+    """M2, M3: the trigger of 50 000 has its target on the wire, 49 990 for it comes backward, when a frame
+    with 70 000 and a stop of y comes. The trigger is refused, and the next one runs 70 000: 69 990."""
+    bench = two_on_a_unit()
+    bench.seen.clear()
+    bench.send(RUN_PDU, transaction_id=1)
+    newer = bytes.fromhex("10 0606 0003 06") + COMMAND.pack(70_000) + STOP.to_bytes(2, "big")
+    is_first = True
+    while bench.link.sent:
+        unit_id, pdu = bench.link.sent.pop(0)
+        bench.seen.append(pdu)
+        if is_first:
+            bench.send(newer, transaction_id=2)
+            is_first = False
+        bench.now_ns += MS
+        bench.line.reply(unit_id, bench.memory.answer(pdu), bench.now_ns)
+    assert [pdu[:6].hex() for pdu in bench.seen if pdu[0] == 16] == ["100606000204", "100606000306"]
+    assert bench.seen.count(RUN_PDU) == 0
+    assert [(number, pdu.hex()) for number, _, pdu in bench.port.replies] == [(1, "8606"), (2, "1006060003")]
+    bench.port.replies.clear()
+    bench.trigger()
+    assert bench.drive.moves[-1] == ("absolute", 69_990)
+
+
+def test_what_was_read_for_a_target_before_a_stop_went_first_is_read_again() -> None:
+    """M6: x goes to 100 000 and is read at 50 000 for 60 000. A stop of y takes its turn and 240 ms; by then
+    x is at 98 000, so 60 000 is backward: 59 990."""
+    y = replace(staged_plan(), name="y", unit_id=2)
+    bench = Bench(axis_plan(max_speed=200.0), y, serial=False)
+    bench.move(-5000)
+    bench.move(0)
+    bench.wait(100)
+    bench.actual()
+    bench.ask(write(COMMAND, 100_000))
+    bench.wait(250)
+    bench.memory.put(ACTUAL, 50_000)
+    bench.send(write(COMMAND, 60_000))
+    bench.line.request(Port(ControllerPlan("pendant")), 9, 2, STOP_PDU, bench.now_ns)
+    unit_id, pdu = bench.link.sent.pop(0)
+    assert pdu == read(ACTUAL)
+    bench.line.reply(unit_id, bench.memory.answer(pdu), bench.now_ns)
+    unit_id, pdu = bench.link.sent.pop(0)
+    assert (unit_id, pdu) == (2, STOP_PDU)
+    bench.now_ns += 240 * MS
+    bench.memory.put(ACTUAL, 98_000)
+    bench.line.reply(unit_id, pdu, bench.now_ns)
+    bench.serve()
+    assert bench.seen[-1] == write(COMMAND, 59_990)
