@@ -195,16 +195,16 @@ def restaging(axis: Axis, rendering: Rendering) -> AddedFrame | None:
 
 def addresses_to_restage(axis: Axis, rendering: Rendering) -> list[int]:
     """Return the registers that have to be written for that, however many frames it takes."""
-    there, wanted = axis.fields[rendering.number].corrected_words, rendering.corrected_words
-    if there == wanted:
+    image, wanted = axis.fields[rendering.number], rendering.corrected_words
+    if image.holds(0, wanted):
         return []
     place = axis.plan.command[rendering.number]
-    if there is None or axis.plan.writes_with is not Form.FC06:
+    if axis.plan.writes_with is not Form.FC06:
         return list(range(place.address, place.end))
     return [
         place.address + word
         for word in range(place.words)
-        if there[2 * word : 2 * word + 2] != wanted[2 * word : 2 * word + 2]
+        if not image.holds(word, wanted[2 * word : 2 * word + 2])
     ]
 
 

@@ -96,7 +96,8 @@ def _command_read(request: Request) -> AddedFrame | None:
             number, field, image = hit.place.number, hit.place.field, hit.place.image
             assert image is not None
             if words is None:
-                is_of_use = not (axis.passes_unchanged or image.is_torn or access.is_mask)
+                passes_raw = axis.passes_unchanged and not image.may_be_corrected
+                is_of_use = not (passes_raw or image.is_torn or access.is_mask)
                 is_asked = key_of(hit) in known.command_words
                 if is_of_use and not is_asked and field.access is not FieldAccess.WRITE:
                     return AddedFrame(axis, Purpose.COMMAND, field.address, field.words, hit)

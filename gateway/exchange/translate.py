@@ -509,12 +509,15 @@ def _merged(words: bytes | None, first: int, part: bytes) -> bytes | None:
 def _refuse_unknown(rewriting: Rewriting, hit: FieldHit) -> None:
     """Refuse a write that leaves a position nobody knows, unless the axis passes 1:1.
 
+    Then too where it leaves words of the drive as they are that may be corrected ones.
+
     Raises:
         RefusedRequestError: unless it may pass.
     """
     axis, image = hit.place.axis, hit.place.image
     assert image is not None
-    if axis.passes_unchanged:
+    is_whole = hit.is_whole and not rewriting.access.is_mask
+    if axis.passes_unchanged and (is_whole or not image.may_be_corrected):
         rewriting.of(axis).blind.append(image)
         return
     if not rewriting.access.is_consistent:

@@ -4,6 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gateway.exchange.plan import Reference
+from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, write
 
 
@@ -148,3 +150,80 @@ def test_any_sequence_of_parts_leaves_the_drive_with_the_corrected_whole(
         bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
         assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == nominal
         assert bench.actual() == nominal
+
+
+# --- words of an axis that passes 1:1, beside corrected ones -----------------------------------------------
+
+HOMED = BitField(0x005C, 4)
+STATUS = bytes.fromhex("03 005C 0001")
+
+
+def unreferenced(counts: int, **changes: object) -> Bench:
+    """An axis at a target whose link was lost and whose homed bit is gone since: nothing of it is known."""
+    bench = Bench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}, **changes))
+    bench.memory.words[HOMED.address] = 1 << 4
+    bench.ask(STATUS)
+    bench.move(1000)
+    bench.actual()
+    bench.move(counts)
+    assert bench.memory.get(COMMAND) == counts + 10
+    bench.line.link_down(bench.now_ns)
+    bench.wait(50)
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    bench.memory.words[HOMED.address] = 0
+    bench.ask(STATUS)
+    bench.seen.clear()
+    return bench
+
+
+PARTS = ["06 0606 FFF0", "10 0606 0001 02 FFF0", "16 0606 0000 FFF0"]
+"""The low word FFF0 by FC06, FC16 and FC22."""
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_part_beside_a_corrected_word_is_refused_without_a_reference_where_its_rest_is_not_known(
+    part: str,
+) -> None:
+    """M1, M9: 65530 is 65540 forward, 0004 0001: its high word is not that of 65530, 0000.
+
+    FFF0 beside 0001 would be 131056, and 65520 was meant.
+    """
+    bench = unreferenced(65_530)
+    assert bench.memory.get(COMMAND) == 65_540
+    request = bytes.fromhex(part)
+    assert bench.ask(request) == bytes((request[0] | 0x80, 4))
+    assert all(pdu[0] == 3 for pdu in bench.seen)
+    assert bench.memory.get(COMMAND) == 65_540
+    # All of it in one frame goes out as it came, and parts of it are completed from then on.
+    whole = bytes.fromhex("10 0606 0002 04 FFF0 0000")
+    assert bench.ask(whole) == whole[:5]
+    assert bench.seen[-1] == whole
+    assert bench.ask(bytes.fromhex("06 0606 FFF1")) == bytes.fromhex("06 0606 FFF1")
+    assert bench.memory.get(COMMAND) == 65_521
+
+
+def test_a_part_beside_a_corrected_word_goes_out_whole_without_a_reference_where_its_rest_is_certain() -> (
+    None
+):
+    """M1, M9: 50000 is 50010 forward, C35A 0000, and no correction reaches the next high word.
+
+    The low word C738 is 51000 then, and goes out as it came, with the rest.
+    """
+    bench = unreferenced(50_000)
+    assert bench.ask(bytes.fromhex("06 0606 C738")) == bytes.fromhex("06 0606 C738")
+    assert bench.seen[-2:] == [read(COMMAND), bytes.fromhex("10 0606 0002 04 C738 0000")]
+
+
+def test_a_part_is_refused_without_a_reference_where_nothing_may_be_read() -> None:
+    """M1, M9, W8: the same where the gateway adds no frames."""
+    bench = unreferenced(50_000, added_frames=False)
+    assert bench.ask(bytes.fromhex("06 0606 C738")) == bytes.fromhex("86 04")
+    assert bench.seen == []
+
+
+def test_a_part_passes_as_it_came_without_a_reference_where_nothing_was_corrected() -> None:
+    """M9: of an axis that was never corrected a part goes out 1:1, and nothing is read."""
+    bench = Bench(axis_plan(referenced=Reference.SET_POSITION))
+    assert bench.ask(bytes.fromhex("06 0606 C738")) == bytes.fromhex("06 0606 C738")
+    assert bench.seen == [bytes.fromhex("06 0606 C738")]

@@ -43,6 +43,7 @@ class FieldImage:
         "_lost_ns",
         "_missing",
         "_parts",
+        "_restaged",
         "_since_ns",
         "completeness",
         "corrected_words",
@@ -62,6 +63,8 @@ class FieldImage:
         """The words that came since a write was lost; which of them still miss is a bit in ``_missing``."""
         self._missing = self._all_words
         self._since_ns = 0
+        self._restaged: dict[int, bytes] = {}
+        """Words that were written anew one by one while ``corrected_words`` is not known, by their number."""
         self._lost_ns = 0
         """When the newest write that was lost had come."""
         self.may_be_corrected = False
@@ -84,6 +87,8 @@ class FieldImage:
         """
         self.nominal_words = nominal_words
         self.corrected_words = corrected_words
+        if self._restaged:
+            self._restaged.clear()
         self.may_be_corrected = corrected_words != nominal_words
         if epoch is None or epoch == self.epoch:
             self.completeness = Completeness.WHOLE
@@ -94,11 +99,37 @@ class FieldImage:
 
     def forget(self) -> None:
         """Nobody knows any more what the drive holds."""
-        self.nominal_words = self.corrected_words = None
+        self.nominal_words = None
+        self.doubt()
 
     def doubt(self) -> None:
         """The drive may hold another target than it was told; what the controller believes stays."""
         self.corrected_words = None
+        self._restaged.clear()
+
+    def holds(self, first: int, words: bytes) -> bool:
+        """Whether the drive is known to hold these words from word ``first`` on."""
+        there = self.corrected_words
+        if there is not None:
+            return there[2 * first : 2 * first + len(words)] == words
+        count = len(words) // 2
+        return all(self._restaged.get(first + i) == words[2 * i : 2 * i + 2] for i in range(count))
+
+    def restage(self, nominal_words: bytes, first: int, words: bytes, epoch: int) -> None:
+        """Note that the drive acknowledged words of a target that was written anew, from word ``first`` on.
+
+        A word that is not known stays so: the target counts as written once each of them came.
+        """
+        count = len(nominal_words) // 2
+        there = self.corrected_words
+        if there is None:
+            self._restaged.update({first + i: words[2 * i : 2 * i + 2] for i in range(len(words) // 2)})
+            if len(self._restaged) < count:
+                self.leave(nominal_words, None)
+                return
+            there = b"".join([self._restaged[word] for word in range(count)])
+        merged = there[: 2 * first] + words + there[2 * first + len(words) :]
+        self.settle(nominal_words, merged, epoch)
 
     def tear(self, arrived_ns: int = 0) -> None:
         """Note that a whole write was lost, and when it had come: every word has to come again."""
@@ -123,7 +154,8 @@ class FieldImage:
         return self.completeness is Completeness.PARTS_BUFFERED or arrived_ns - self._since_ns <= JOIN_NS
 
     def buffer(self, first: int, words: bytes, arrived_ns: int) -> None:
-        """Note a part that the drive acknowledged, while the other parts are not known."""
+        """Note a part that the drive acknowledged as it came, while the other parts are not known."""
+        self.doubt()
         covers_all = not self._all_words & ~self._missing & ~_mask(first, words)
         is_new = not self.is_torn or covers_all or not self._are_joined(arrived_ns)
         stays_buffered = is_new or self.completeness is Completeness.PARTS_BUFFERED

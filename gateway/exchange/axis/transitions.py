@@ -841,6 +841,8 @@ class Axis(AxisState):
                 self.leave_unproven(rendering, now_ns)
             for rendering in request.runs:
                 self.leave_run_unproven(rendering, now_ns)
+            for part in request.buffered_parts:
+                part.image.doubt()
         if not is_broadcast:
             self._lose(request.parts, request.arrived_ns)
         for image, nominal_words, corrected_words, _ in request.stagings:
@@ -975,12 +977,7 @@ class Axis(AxisState):
 
     def restage(self, rendering: Rendering, first: int, words: bytes, epoch: int) -> None:
         """The drive acknowledged words of a staged target, from its word ``first`` on (M2)."""
-        image = self.fields[rendering.number]
-        if len(words) < len(rendering.corrected_words):
-            merged = bytearray(image.corrected_words or bytes(len(rendering.corrected_words)))
-            merged[2 * first : 2 * first + len(words)] = words
-            words = bytes(merged)
-        image.settle(rendering.nominal_words, words, epoch)
+        self.fields[rendering.number].restage(rendering.nominal_words, first, words, epoch)
 
     def tell_restaged(self, count: int, now_ns: int) -> None:
         """Report restaging now and then: where an axis goes to and fro, every second move needs it."""
@@ -994,6 +991,7 @@ class Axis(AxisState):
         """A staged target that was written anew was not acknowledged."""
         image = self.fields[rendering.number]
         image.leave(rendering.nominal_words, rendering.corrected_words)
+        image.doubt()
         image.tear()
         self.block_triggers(code, why)
 
