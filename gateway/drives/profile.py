@@ -158,6 +158,14 @@ def motion_faults(registers: RegisterMap) -> Iterator[Fault]:
             "the first word alone would move the axis; allowed: staged = true with the trigger that runs the "
             'target, a type of one register, or "fc16"',
         )
+    following = rule_meaning(registers, Action.FOLLOW, Action.FOLLOW_NEXT)
+    if registers.write is Form.FC06 and longer is not None and following is not None:
+        yield Fault(
+            following,
+            f'write = "fc06", a command of {longer.type.words} registers ({longer.type.value}) and a value '
+            "with which the drive follows each position written",
+            'each word alone would move the axis; allowed: "fc16", a type of one register, or no such value',
+        )
     key = rule_meaning(registers, Action.RELATIVE_TO_ACTUAL)
     if key is not None and not registers.actual:
         yield Fault(

@@ -43,6 +43,14 @@ def test_words_that_would_move_the_axis_one_by_one_are_refused(tmp_path: Path) -
     assert "staged = true" in problem.remedy
 
 
+def test_words_that_a_drive_would_follow_one_by_one_are_refused(tmp_path: Path) -> None:
+    follows = f"trigger = [{{ address = 2, start = [1], follow = [7], {STOP} }}]\nstaged = true\n"
+    text = GOOD + 'write = "fc06"\n' + follows
+    problem = only(refused(tmp_path, text), "axis.x.registers.trigger[1].follow")
+    assert problem.line == line_of(text, "trigger")
+    assert "each word alone would move the axis" in problem.remedy
+
+
 @pytest.mark.parametrize(
     "text",
     [
