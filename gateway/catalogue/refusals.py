@@ -143,9 +143,9 @@ REFUSALS: Final = (
     ),
     RefusalEntry(
         0x04,
-        "the distance has to be written anew, and writing it starts the move",
-        "a staged distance was triggered from elsewhere than where it was written for",
-        "write the distance in the frame that runs it",
+        "its target has to be written anew, and writing it starts the move",
+        "what stands in the drive is no distance from here, or not the target as it is corrected from here",
+        "write the distance or the target in the frame that runs it",
     ),
     RefusalEntry(
         0x04,
