@@ -185,7 +185,9 @@ PARTS: Final = {
     "whereabouts": state_machine.whereabouts,
     "references": state_machine.references,
     "transactions": state_machine.transactions,
+    "stops": state_machine.stops,
     "blocks": state_machine.blocks,
+    "reaches": state_machine.reaches,
 }
 
 

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final, TypeVar
 
+from gateway.exchange.answers import REACH_AFTER, Reach, Sign
 from gateway.exchange.axis.events import BlockEvent, Happening, Outcome, ReferenceEvent
 from gateway.exchange.axis.state import ON_WAY, TARGETED, WAS_THERE, Block, Referenced, Whereabouts
 from gateway.exchange.axis.transitions import (
@@ -16,7 +17,7 @@ from gateway.exchange.axis.transitions import (
     WHEREABOUTS_AFTER,
 )
 from gateway.exchange.plan import Reference
-from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase, Transaction
+from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, STOP_AFTER, Phase, Stopping, Transaction
 from tools.diagram import ANY, Arrows, Box, Layout, LayoutError, Route, drawn
 from tools.markers import table
 
@@ -252,6 +253,20 @@ def transactions() -> str:
             table(("phase", "outcomes that are possible"), ends),
         )
     )
+
+
+def stops() -> str:
+    """Return whether a request is a stop, how often it leaves for that, and where each may lead."""
+    rows = [
+        (f"`{state.value}`", ", ".join(f"`{then.value}`" for then in Stopping if then in STOP_AFTER[state]))
+        for state in Stopping
+    ]
+    return "\n".join((table(("state", "means"), _rows_of(Stopping)), table(("state", "leads to"), rows)))
+
+
+def reaches() -> str:
+    """Return how far a unit id is from answering, what is seen of it, and where that leads."""
+    return _machine(list(Reach), list(Sign), REACH_AFTER)
 
 
 def _check_steps() -> None:

@@ -2,7 +2,8 @@
 
 A unit id is silent from the first request that it left unanswered to the next frame of it. After three in a
 row it is *dead*: nothing is sent to it any more but a trial from time to time. How far it has come is one
-:class:`Reach`, and goes from one to the next only as :data:`REACH_AFTER` says. Nothing else writes it.
+:class:`Reach`, and goes from one to the next only as :data:`REACH_AFTER` says; nothing but its
+:class:`Silence` writes it.
 
 On a serial line a reply that comes late would answer whatever was asked next. Until ``drain_ms`` have passed
 without a frame of it, the silent unit itself is asked nothing; whoever else may be asked meanwhile is said by
@@ -38,7 +39,9 @@ class Reach(Enum):
     UNHEARD = "unheard"
     """It was silent when the link was lost or came up, and was not asked since."""
     MISSED_ONE = "missed-one"
+    """It left one request unanswered since its last frame."""
     MISSED_TWO = "missed-two"
+    """Two in a row."""
     DEAD = "dead"
     """Three in a row, or more."""
 
@@ -53,30 +56,25 @@ class Sign(Enum):
     FRAME = "frame"
     """A whole frame of it came: an answer, an exception, or what comes too late."""
     LINK_UP = "link-up"
+    """The link to the drives came up."""
 
 
-REACH_AFTER: Final = {
-    Sign.TIME_OUT: {
-        Reach.ANSWERS: Reach.MISSED_ONE,
-        Reach.UNHEARD: Reach.MISSED_ONE,
-        Reach.MISSED_ONE: Reach.MISSED_TWO,
-        Reach.MISSED_TWO: Reach.DEAD,
-        Reach.DEAD: Reach.DEAD,
-    },
-    Sign.FRAME: {
-        Reach.ANSWERS: Reach.ANSWERS,
-        Reach.UNHEARD: Reach.ANSWERS,
-        Reach.MISSED_ONE: Reach.ANSWERS,
-        Reach.MISSED_TWO: Reach.ANSWERS,
-        Reach.DEAD: Reach.ANSWERS,
-    },
-    Sign.LINK_UP: {
-        Reach.ANSWERS: Reach.ANSWERS,
-        Reach.UNHEARD: Reach.UNHEARD,
-        Reach.MISSED_ONE: Reach.UNHEARD,
-        Reach.MISSED_TWO: Reach.UNHEARD,
-        Reach.DEAD: Reach.UNHEARD,
-    },
+REACH_AFTER: Final[dict[tuple[Reach, Sign], Reach]] = {
+    (Reach.ANSWERS, Sign.TIME_OUT): Reach.MISSED_ONE,
+    (Reach.UNHEARD, Sign.TIME_OUT): Reach.MISSED_ONE,
+    (Reach.MISSED_ONE, Sign.TIME_OUT): Reach.MISSED_TWO,
+    (Reach.MISSED_TWO, Sign.TIME_OUT): Reach.DEAD,
+    (Reach.DEAD, Sign.TIME_OUT): Reach.DEAD,
+    (Reach.ANSWERS, Sign.FRAME): Reach.ANSWERS,
+    (Reach.UNHEARD, Sign.FRAME): Reach.ANSWERS,
+    (Reach.MISSED_ONE, Sign.FRAME): Reach.ANSWERS,
+    (Reach.MISSED_TWO, Sign.FRAME): Reach.ANSWERS,
+    (Reach.DEAD, Sign.FRAME): Reach.ANSWERS,
+    (Reach.ANSWERS, Sign.LINK_UP): Reach.ANSWERS,
+    (Reach.UNHEARD, Sign.LINK_UP): Reach.UNHEARD,
+    (Reach.MISSED_ONE, Sign.LINK_UP): Reach.UNHEARD,
+    (Reach.MISSED_TWO, Sign.LINK_UP): Reach.UNHEARD,
+    (Reach.DEAD, Sign.LINK_UP): Reach.UNHEARD,
 }
 """Where each sign leads."""
 
@@ -104,6 +102,50 @@ class Silence:
     turns: set[int] = field(default_factory=set)
     """Controllers that get an exchange before the next of these stops; see ``LineExchange``."""
 
+    def miss(self, sent_ns: int, now_ns: int, drain_ns: int, first_retry_ns: int) -> None:
+        """A request that was sent at ``sent_ns`` was not answered."""
+        if self.reach is Reach.ANSWERS:
+            self.since_ns = sent_ns
+        self.timeouts += 1
+        was_dead = self.reach is Reach.DEAD
+        self.reach = REACH_AFTER[self.reach, Sign.TIME_OUT]
+        if drain_ns:
+            self.quiet_ns = now_ns + drain_ns
+            self.quiet_at_last_ns = now_ns + LONGEST_DRAIN * drain_ns
+        self.retry_ns = min(2 * self.retry_ns, LONGEST_RETRY_NS) if was_dead else first_retry_ns
+        self.due_ns = max(now_ns + self.retry_ns, self.quiet_ns)
+
+    def hear(self) -> Reach:
+        """A whole frame of it came; return how far away it was before."""
+        before, self.reach = self.reach, REACH_AFTER[self.reach, Sign.FRAME]
+        self.timeouts = 0
+        self.stops.clear()
+        self.turns.clear()
+        return before
+
+    def be_late(self, now_ns: int, drain_ns: int) -> None:
+        """What came of it answers nothing any more: the silence that it owes begins anew."""
+        self.quiet_ns = min(now_ns + drain_ns, self.quiet_at_last_ns)
+        self.due_ns = max(self.due_ns, self.quiet_ns)
+
+    def link_up(self) -> None:
+        """The link came up: it is asked again, and owes nothing."""
+        self.reach = REACH_AFTER[self.reach, Sign.LINK_UP]
+        self.quiet_ns = 0
+        self.stops.clear()
+        self.turns.clear()
+
+    def try_again(self, now_ns: int) -> None:
+        """It is tried now: until it has answered nothing else goes there."""
+        self.due_ns = now_ns + self.retry_ns
+
+    def miss_stop(self, pdu: bytes, until_ns: int, turns: set[int]) -> None:
+        """It did not answer a stop, which may be sent again then, after those who wait for a turn."""
+        if len(self.stops) >= STOPS_KNOWN:
+            self.stops.clear()
+        self.stops[pdu] = until_ns
+        self.turns = turns
+
 
 class Answers:
     """Answers and silences of one line, by unit id. ``is_serial``: replies carry no number (W6)."""
@@ -129,16 +171,8 @@ class Answers:
         silence = self.silences.get(unit_id)
         if silence is None:
             silence = self.silences[unit_id] = Silence(unit_id)
-        if silence.reach is Reach.ANSWERS:
-            silence.since_ns = sent_ns
-        silence.timeouts += 1
         was_dead = silence.reach is Reach.DEAD
-        silence.reach = REACH_AFTER[Sign.TIME_OUT][silence.reach]
-        if self._drain_ns:
-            silence.quiet_ns = now_ns + self._drain_ns
-            silence.quiet_at_last_ns = now_ns + LONGEST_DRAIN * self._drain_ns
-        silence.retry_ns = min(2 * silence.retry_ns, LONGEST_RETRY_NS) if was_dead else self._retry_ns
-        silence.due_ns = max(now_ns + silence.retry_ns, silence.quiet_ns)
+        silence.miss(sent_ns, now_ns, self._drain_ns, self._retry_ns)
         return silence, silence.reach is Reach.DEAD and not was_dead
 
     def hear(self, unit_id: int, now_ns: int) -> Reach:
@@ -146,10 +180,7 @@ class Answers:
         silence = self.silences.get(unit_id)
         if silence is None:
             return Reach.ANSWERS
-        before, silence.reach = silence.reach, REACH_AFTER[Sign.FRAME][silence.reach]
-        silence.timeouts = 0
-        silence.stops.clear()
-        silence.turns.clear()
+        before = silence.hear()
         self._forget(silence, now_ns)
         return before
 
@@ -166,17 +197,13 @@ class Answers:
             if silence.quiet_ns > now_ns and unit_id in (silence.unit_id, -1):
                 is_awaited = True
                 self._late_ns[silence.unit_id] = now_ns
-                silence.quiet_ns = min(now_ns + self._drain_ns, silence.quiet_at_last_ns)
-                silence.due_ns = max(silence.due_ns, silence.quiet_ns)
+                silence.be_late(now_ns, self._drain_ns)
         return is_awaited
 
     def link_up(self) -> None:
         """The link has come up: what was silent is asked again. What it owes begins anew (``Rest.owe``)."""
         for silence in self.silences.values():
-            silence.reach = REACH_AFTER[Sign.LINK_UP][silence.reach]
-            silence.quiet_ns = 0
-            silence.stops.clear()
-            silence.turns.clear()
+            silence.link_up()
         self.settle(0)
 
     def settle(self, now_ns: int) -> None:
@@ -199,10 +226,6 @@ class Answers:
                 if silence is not None and silence.reach is Reach.DEAD:
                     found = silence if found is None or silence.due_ns > found.due_ns else found
         return found
-
-    def try_again(self, silence: Silence, now_ns: int) -> None:
-        """A dead unit is tried now: until it has answered nothing else goes there."""
-        silence.due_ns = now_ns + silence.retry_ns
 
     def free_ns(self, unit_id: int, now_ns: int, *, is_read: bool) -> int:
         """Return until when a request to a unit id waits for late frames; 0: it need not.
@@ -238,11 +261,7 @@ class Answers:
 
     def miss_stop(self, unit_id: int, pdu: bytes, turns: set[int], now_ns: int) -> None:
         """Note a stop that was not answered, after :meth:`miss`, and who waits while it may not be sent."""
-        silence = self.silences[unit_id]
-        if len(silence.stops) >= STOPS_KNOWN:
-            silence.stops.clear()
-        silence.stops[pdu] = now_ns + self._retry_ns
-        silence.turns = turns
+        self.silences[unit_id].miss_stop(pdu, now_ns + self._retry_ns, turns)
 
     def had_turn(self, port: int) -> None:
         """A controller gets an exchange."""

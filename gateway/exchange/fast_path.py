@@ -68,9 +68,10 @@ class ReadPath(FastPath):
             for read in self._reads:
                 if read.axis.needs_reference(now_ns, is_target=False):
                     return None
-        transaction.readbacks = [
+        readbacks = [
             None if read.axis.reads_unchanged else read.axis.compensation.readback for read in self._reads
         ]
+        transaction.note_readbacks(readbacks)
         return transaction.pdu
 
     def answered(self, transaction: Transaction, reply: bytes, now_ns: int) -> bytes | None:

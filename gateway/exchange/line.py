@@ -51,6 +51,7 @@ from gateway.exchange.transaction import (
     Answer,
     Endings,
     Phase,
+    Stopping,
     Transaction,
     outcome_of_reply,
 )
@@ -309,7 +310,7 @@ class LineExchange:
             self._gaps.ended(transaction, now_ns)
             self._next(now_ns)
             return
-        if transaction.is_early and not self._is_answer(transaction, pdu, now_ns):
+        if transaction.stopping is Stopping.EARLY and not self._is_answer(transaction, pdu, now_ns):
             self.answers.disturb(unit_id, now_ns)
             self._current = None
             self._send_once_more(transaction, now_ns)
@@ -556,9 +557,10 @@ class LineExchange:
         if transaction.is_stop:
             rests_until_ns = self.rest.until_ns
             from_ns = self._stop_from_ns(transaction)
-            if rests_until_ns is not None and (transaction.is_again or self.rest.is_turning):
+            is_again = transaction.stopping is Stopping.AGAIN
+            if rests_until_ns is not None and (is_again or self.rest.is_turning):
                 from_ns = max(from_ns, rests_until_ns)
-            if transaction.is_again:
+            if is_again:
                 from_ns = max(from_ns, self.answers.free_ns(unit_id, now_ns, is_read=False))
             return from_ns
         if transaction.is_denied or transaction.why_given_up(now_ns):
@@ -576,7 +578,7 @@ class LineExchange:
             id(each.port) in silence.turns for each in self._waiting if not each.is_stop
         ):
             return HAS_NO_TURN if stop.pdu in silence.stops else 0
-        return 0 if stop.is_again else silence.stops.get(stop.pdu, 0)
+        return 0 if stop.stopping is Stopping.AGAIN else silence.stops.get(stop.pdu, 0)
 
     # --- dead units ------------------------------------------------------------------------------------
 
@@ -634,7 +636,7 @@ class LineExchange:
         if read is None and not is_own:
             self._answer_for_dead(transaction, now_ns)
             return True
-        self.answers.try_again(dead, now_ns)
+        dead.try_again(now_ns)
         if read is not None:
             transaction.need(read)
             self._put_on_wire(transaction, read.pdu, dead.unit_id, now_ns)
@@ -647,7 +649,7 @@ class LineExchange:
 
     def _is_early(self, stop: Transaction, now_ns: int) -> bool:
         """Whether a late frame may come in the place of the reply to a stop, or meet it on the wire."""
-        if stop.is_again or not self._link.is_serial:
+        if stop.stopping is Stopping.AGAIN or not self._link.is_serial:
             return False
         return self.rest.is_draining or self.answers.free_ns(stop.unit_id, now_ns, is_read=False) > now_ns
 
@@ -701,7 +703,7 @@ class LineExchange:
             path = self._units.path_of(transaction.unit_id, transaction.pdu)
             sent_pdu = None if path is None else path.sent(transaction, now_ns)
             if path is not None and sent_pdu is not None:
-                transaction.path = path
+                transaction.take(path)
                 self._put_on_wire(transaction, sent_pdu, transaction.unit_id, now_ns)
                 if transaction.target is not None:
                     path.left(transaction)
@@ -768,7 +770,7 @@ class LineExchange:
         self.counters.broadcasts += 1
         self.rest.turn_around(now_ns)
         self._gaps.ended(transaction, now_ns, self.rest.until_ns)
-        if transaction.is_early:
+        if transaction.stopping is Stopping.EARLY:
             self._waiting.add_again(transaction.once_more())
         self._ends.finish(transaction, Outcome.BROADCAST, now_ns)
         self._report(self.axes)
@@ -838,7 +840,7 @@ class LineExchange:
             self.answers.miss_stop(unit_id, transaction.pdu, others, now_ns)
             if self.answers.backs_off:
                 self._thin_out(transaction, now_ns)
-        if transaction.is_early:
+        if transaction.stopping is Stopping.EARLY:
             self._send_once_more(transaction, now_ns)
         else:
             self._end_unanswered(transaction, now_ns)

@@ -22,6 +22,18 @@ class Rivalry:
     changes: int = 0
     """Times that one took the axis over from the other."""
 
+    def note_refused(self) -> None:
+        """One of them was refused."""
+        self.refused += 1
+
+    def note_changed(self) -> None:
+        """One took the axis over."""
+        self.changes += 1
+
+    def go_on(self, one: str, other: str, now_ns: int) -> None:
+        """They met again."""
+        self.writers, self.last_ns = (one, other), now_ns
+
 
 class Rivals:
     """The rivalries of one line, by axis."""
@@ -31,11 +43,11 @@ class Rivals:
 
     def refused(self, axis: str, holder: str, writer: str, now_ns: int) -> None:
         """Note that a writer was refused because another one moves the axis."""
-        self._met(axis, holder, writer, now_ns).refused += 1
+        self._met(axis, holder, writer, now_ns).note_refused()
 
     def changed(self, axis: str, former: str, writer: str, now_ns: int) -> None:
         """Note that a writer took an axis over from another one."""
-        self._met(axis, former, writer, now_ns).changes += 1
+        self._met(axis, former, writer, now_ns).note_changed()
 
     def status(self, axis: str, now_ns: int) -> dict[str, object] | None:
         """Return the rivalry about an axis; None: there is none any more."""
@@ -53,5 +65,5 @@ class Rivals:
         found = self._found.get(axis)
         if found is None or now_ns - found.last_ns > CALM_NS:
             found = self._found[axis] = Rivalry((one, other), now_ns, now_ns)
-        found.writers, found.last_ns = (one, other), now_ns
+        found.go_on(one, other, now_ns)
         return found

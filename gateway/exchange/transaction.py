@@ -68,10 +68,34 @@ OUTCOMES: Final = {
 """How a transaction may end in each phase."""
 
 
+class Stopping(Enum):
+    """Whether a transaction stops an axis, and how often it leaves for that."""
+
+    __hash__ = object.__hash__
+
+    NO = "no"
+    """It stops nothing, or it left at once, as it came."""
+    FIRST = "first"
+    """It goes before everything else, on a resting line too, and is never given up."""
+    EARLY = "early"
+    """It left although a late frame might come: only its exact echo is an answer."""
+    AGAIN = "again"
+    """Sent early before and not answered: it goes once more, when no late frame can come."""
+
+
+STOP_AFTER: Final = {
+    Stopping.NO: frozenset({Stopping.FIRST}),
+    Stopping.FIRST: frozenset({Stopping.EARLY, Stopping.AGAIN}),
+    Stopping.EARLY: frozenset(),
+    Stopping.AGAIN: frozenset({Stopping.AGAIN}),
+}
+"""Where each may lead. What follows one that was sent early is another transaction."""
+
 _WAITING: Final = Phase.WAITING  # a member is looked up slowly, and these are asked for with each request
 _PREREQUISITE: Final = Phase.PREREQUISITE
 _SENT: Final = Phase.SENT
 _ENDED: Final = Phase.ENDED
+_NO_STOP: Final = Stopping.NO
 
 
 class Answer(Enum):
@@ -153,11 +177,7 @@ class Transaction:
     """There was no room for it: it is refused when the answers before it have been given."""
     overtaken_by = ""
     """Why it must not be sent any more, although its controller waits for it."""
-    is_stop = False
-    is_early = False
-    """A stop that left although a late frame might come: only its exact echo is an answer."""
-    is_again = False
-    """A stop that was sent early and not answered: it goes once more, when no late frame can come."""
+    stopping = _NO_STOP
     added: AddedFrame | None = None
     """A frame of the gateway's own that goes first, or alone."""
     frames: tuple[Frame, ...] | None = None
@@ -189,6 +209,11 @@ class Transaction:
         return self.port is not None and self.port.is_motion
 
     @property
+    def is_stop(self) -> bool:
+        """Whether it stops an axis."""
+        return self.stopping is not _NO_STOP
+
+    @property
     def rewritings(self) -> tuple[Rewriting, ...]:
         """What it makes of each unit that it reaches; a broadcast reaches several."""
         if self.target is not None and self.path is not None and not self._rewritings:
@@ -211,7 +236,7 @@ class Transaction:
 
     def become_stop(self) -> None:
         """Note that it stops an axis: it goes before everything else, and is never given up."""
-        self.is_stop = True
+        self._stop_goes_on(Stopping.FIRST)
 
     def deny(self) -> None:
         """Note that it has no room, and is refused in its turn."""
@@ -219,17 +244,18 @@ class Transaction:
 
     def leave_early(self) -> None:
         """Note that it is a stop, and that a late frame may come in the place of its reply."""
-        self.is_early = True
+        self._stop_goes_on(Stopping.EARLY)
 
     def become_again(self, before: "Transaction") -> None:
         """Take the place of the same stop, which may have been sent early and not answered."""
-        self.is_again |= before.is_again
+        if before.stopping is Stopping.AGAIN:
+            self._stop_goes_on(Stopping.AGAIN)
 
     def once_more(self) -> "Transaction":
         """Return the same stop, to go once more when no late frame can come in the place of its reply."""
         again = Transaction(self.port, self.transaction_id, self.unit_id, self.pdu, self.arrived_ns)
         again.become_stop()
-        again.is_again = True
+        again._stop_goes_on(Stopping.AGAIN)
         if self.is_orphan:
             again.give_up()
         return again
@@ -263,6 +289,14 @@ class Transaction:
         """Note the target that it carries on a fast path."""
         self.path, self.target = path, target
 
+    def take(self, path: FastPath) -> None:
+        """Note the fast path on which it leaves."""
+        self.path = path
+
+    def note_readbacks(self, readbacks: Sequence[Readback | None]) -> None:
+        """Note how the positions that it reads on a fast path are turned back."""
+        self.readbacks = readbacks
+
     def leave(self, now_ns: int, unit_id: int, patience_ns: int) -> None:
         """A frame leaves for it now: its own, which does so once, or one that it needs first."""
         self._go_on(_SENT if self.added is None or self.port is None else _PREREQUISITE)
@@ -277,6 +311,10 @@ class Transaction:
     def _go_on(self, phase: Phase) -> None:
         assert phase in PHASE_AFTER[self.phase], f"from phase {self.phase.value} to {phase.value}"
         self.phase = phase
+
+    def _stop_goes_on(self, stopping: Stopping) -> None:
+        assert stopping in STOP_AFTER[self.stopping], f"a stop from {self.stopping.value} to {stopping.value}"
+        self.stopping = stopping
 
     def excuse(self, span_ns: int) -> None:
         """No deadline counts so much of its waiting."""

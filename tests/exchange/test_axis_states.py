@@ -36,7 +36,7 @@ from gateway.exchange.axis.transitions import (
     Axis,
 )
 from gateway.exchange.plan import ControllerPlan, Reference
-from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase, Transaction
+from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase, Stopping, Transaction
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Port, axis_plan
 
@@ -531,6 +531,49 @@ def test_only_what_left_can_be_answered_and_only_what_did_not_can_be_withdrawn(
     else:
         with pytest.raises(AssertionError):
             transaction.end(outcome)
+
+
+@pytest.mark.parametrize(
+    ("stopping", "step", "after"),
+    [
+        ("no", "become_stop", "first"),
+        ("no", "leave_early", None),
+        ("no", "become_again", None),
+        ("first", "become_stop", None),
+        ("first", "leave_early", "early"),
+        ("first", "become_again", "again"),
+        ("early", "become_stop", None),
+        ("early", "leave_early", None),
+        ("early", "become_again", None),
+        ("again", "become_stop", None),
+        ("again", "leave_early", None),
+        ("again", "become_again", "again"),
+    ],
+)
+def test_a_stop_leaves_early_once_and_once_more_at_most(stopping: str, step: str, after: str | None) -> None:
+    sent_before = a_transaction(Phase.WAITING)
+    sent_before.become_stop()
+    again = sent_before.once_more()
+    assert again.stopping is Stopping.AGAIN
+    stop = a_transaction(Phase.WAITING)
+    if stopping != "no":
+        stop.become_stop()
+    if stopping == "early":
+        stop.leave_early()
+    elif stopping == "again":
+        stop.become_again(again)
+    assert stop.stopping.value == stopping
+    steps: dict[str, Callable[[], None]] = {
+        "become_stop": stop.become_stop,
+        "leave_early": stop.leave_early,
+        "become_again": lambda: stop.become_again(again),
+    }
+    if after is None:
+        with pytest.raises(AssertionError):
+            steps[step]()
+    else:
+        steps[step]()
+        assert stop.stopping.value == after
 
 
 def test_no_way_leads_to_sending_twice() -> None:

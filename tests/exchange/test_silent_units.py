@@ -55,7 +55,7 @@ def ask(bench: Bench, pdu: bytes, unit_id: int = 2) -> bytes:
 def test_each_sign_leads_from_each_state_to_the_one_that_the_rule_says(state: Reach, sign: Sign) -> None:
     head, *rows = (row.split() for row in WALK.strip("\n").splitlines())
     [after] = [cells[1:][head.index(state.value)] for cells in rows if cells[0] == sign.value]
-    assert REACH_AFTER[sign][state].value == after
+    assert REACH_AFTER[state, sign].value == after
 
 
 # --- back-off ----------------------------------------------------------------------------------------------
