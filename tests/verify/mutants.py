@@ -67,6 +67,7 @@ ENUMS: Final = (
     "Referenced",
     "ReferenceEvent",
     "Said",
+    "Stopping",
     "Switched",
     "Whereabouts",
 )

@@ -380,10 +380,11 @@ def test_only_what_changed_is_touched(visit: Visit) -> None:
     visit.page.evaluate(
         """() => {
           window.touched = new Set();
-          new MutationObserver((seen) => seen.forEach(({ target }) =>
-            window.touched.add((target.closest ?? target.parentElement.closest).call(
-              target.closest ? target : target.parentElement, "article, section, header")
-              .querySelector("h1, h2, h3").textContent)))
+          const roomOf = (node) => (node.closest ? node : node.parentElement)?.closest("article, section, header");
+          new MutationObserver((seen) => seen.forEach(({ target }) => {
+            const room = roomOf(target);  // none of what has gone meanwhile, and of what stands beside them all
+            if (room) window.touched.add(room.querySelector("h1, h2, h3").textContent);
+          }))
             .observe(document.body, {
               subtree: true, childList: true, attributes: true, characterData: true,
             });
