@@ -42,7 +42,7 @@ ENDLESS: Final = 1_000_000_000
 EXAMPLES: Final = """examples:
   python -m tests.verify.mutants --sample 90 --seed 1 --json build/mutants.json
   python -m tests.verify.mutants gateway/exchange/axis/registers.py
-  python -m tests.verify.mutants gateway/exchange/shadow.py --every 3
+  python -m tests.verify.mutants gateway/exchange/answers.py --every 3
   python -m tests.verify.mutants gateway/exchange/axis/transitions.py --list
 """
 OTHER_COMPARISON: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {

@@ -380,9 +380,10 @@ def test_only_what_changed_is_touched(visit: Visit) -> None:
     visit.page.evaluate(
         """() => {
           window.touched = new Set();
-          const roomOf = (node) => (node.closest ? node : node.parentElement)?.closest("article, section, header");
+          const rooms = "article, section, header";
+          const roomOf = (node) => (node.closest ? node : node.parentElement)?.closest(rooms);
           new MutationObserver((seen) => seen.forEach(({ target }) => {
-            const room = roomOf(target);  // none of what has gone meanwhile, and of what stands beside them all
+            const room = roomOf(target);  // none of what has gone meanwhile or stands beside them
             if (room) window.touched.add(room.querySelector("h1, h2, h3").textContent);
           }))
             .observe(document.body, {
