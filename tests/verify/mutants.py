@@ -376,14 +376,18 @@ def judged(mutant: Mutant, worlds: Sequence[str], seconds: float, first: str = "
 def breaks_unbroken(world: str, how: str, trace: tuple[Any, ...]) -> bool:
     """Whether a trace breaks a rule on the gateway as it is: then it proves nothing about a mutant.
 
-    Where a way could not be gone the ways are, there too.
+    Where a way could not be gone the ways are, there too. Where there is no trace the gateway has raised an
+    error; a world that does so with the gateway as it is ends the whole run with that error.
     """
     from tests.verify.designs import BY_NAME
     from tests.verify.explore import Walk, broken_by
+    from tests.verify.running import walked
     from tests.verify.wires import world_of
 
     if how.endswith("(10)"):
         return bool(Walk(BY_NAME[world]).along().broken)
+    if not trace:
+        return bool(world and walked(world, 0, max(FIRST_SECONDS), ENDLESS, 1).broken)
     return broken_by(world_of(BY_NAME[world]), trace) is not None
 
 

@@ -24,7 +24,7 @@ from gateway.exchange.axis.state import HOMING, Block
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import compensation_state, direction_state
-from gateway.exchange.transaction import PHASE_AFTER, Phase
+from gateway.exchange.transaction import PHASE_AFTER, Phase, Stopping
 from gateway.times import NS_PER_MS
 
 FIRST_INSTANT: Final = 10**17
@@ -670,7 +670,7 @@ def is_resting(line: LineExchange, now_ns: int) -> bool:
 def is_sent_early(line: LineExchange) -> bool:
     """Whether the frame on the wire is a stop that left although a late reply may come."""
     current = getattr(line, "_current", None)
-    return current is not None and current.is_early
+    return current is not None and current.stopping is Stopping.EARLY
 
 
 class OnItsWay(NamedTuple):
