@@ -60,7 +60,7 @@ READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRE
 
 
 def prepare(request: Request) -> Rewriting:
-    """Work out what is sent for a request. Nothing is changed until its reply is there.
+    """Work out what is sent for a request. No axis is changed here: that is done as it leaves and as it ends.
 
     Raises:
         RefusedRequestError: the request must not reach the drive.

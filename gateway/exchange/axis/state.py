@@ -291,9 +291,12 @@ class AxisState:
 
     def __init__(self, plan: AxisPlan) -> None:
         self.plan = plan
-        # --- what of the plan never changes, and is asked for with each request
+        # --- what of the plan is asked for with each request
         self.is_dry_run = plan.compensation is CompensationMode.SHADOW
-        """Whether it is a dry run: computed and shown, written and read 1:1 (``compensation = "shadow"``)."""
+        """Whether it is a dry run: computed and shown, written and read 1:1 (``compensation = "shadow"``).
+
+        The only one of these that changes: a reload may end it (``Axis.end_dry_run``).
+        """
         self.has_rules = plan.has_rules
         """Whether a frame to it may mean something else than positions to be gone to at once."""
         self.may_read = plan.safe_read and plan.added_frames
