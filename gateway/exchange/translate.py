@@ -60,7 +60,10 @@ READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRE
 
 
 def prepare(request: Request) -> Rewriting:
-    """Work out what is sent for a request. No axis is changed here: that is done as it leaves and as it ends.
+    """Work out what is sent for a request.
+
+    Of an axis that is brought up to date which its reply decides nothing of: terms that are due, and the
+    offset with which a stream begins. The rest is done as the request leaves and as it ends.
 
     Raises:
         RefusedRequestError: the request must not reach the drive.
