@@ -207,10 +207,11 @@ def _there(line: LineBudget, axis: AxisPlan, gateway_ns: int) -> tuple[int, str]
 
 
 def _starving(plan: LinePlan) -> Iterator[Judgement]:
-    """Yield the motion controllers that a silent drive keeps from all others (W6, W7).
+    """Yield the motion controllers that a silent drive keeps from all others (W6, W7, W11).
 
     The gateway waits for a drive as long as the controller that asked, at least ``response_timeout_ms``, and
-    then for ``drain_ms`` of silence. Modbus TCP needs no such silence.
+    what moves another one waits for ``drain_ms`` of silence after that. Modbus TCP needs no such silence. The
+    third time the drive is dead, and costs the others a trial from time to time, without the silence.
     """
     is_rtu = not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu
     if not is_rtu or len({axis.unit_id for axis in plan.axes}) < 2:
@@ -231,8 +232,9 @@ def _starving(plan: LinePlan) -> Iterator[Judgement]:
         yield Judgement(
             Grade.CLOSE,
             ("line", plan.name, "controllers", index, "timeout_ms"),
-            f"timeout_ms = {limit_ms:g}, and one silent drive keeps the line for "
-            f"{wait_ms + drain_ms:g} ms ({wait_ms:g} {whose} + {drain_ms:g} drain_ms)",
+            f"timeout_ms = {limit_ms:g}, and a drive that falls silent keeps what moves others for "
+            f"{wait_ms + drain_ms:g} ms ({wait_ms:g} {whose} + {drain_ms:g} drain_ms), "
+            + ("three times" if timing.retry_ms else "each time that it is asked"),
             "this controller then gives up on drives that would answer: set response_timeout_ms and drain_ms "
             f"to what the drives need, together below {limit_ms:g} (as in {EACH * limit_ms:g} each), and "
             "timeout_ms of the other controllers no longer than response_timeout_ms",

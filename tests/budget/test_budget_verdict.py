@@ -148,8 +148,14 @@ def test_one_silent_drive_and_the_others(plan: LinePlan, said: str) -> None:
     assert len(found) == bool(said)
     for judgement in found:
         assert (judgement.grade, judgement.key[-2:]) == (CLOSE, (0, "timeout_ms"))
-        assert judgement.found == f"timeout_ms = 1000, and one silent drive keeps the line for {said}"
+        told = f"timeout_ms = 1000, and a drive that falls silent keeps what moves others for {said}, "
+        assert judgement.found == told + "three times"
         assert "(as in 300 each)" in judgement.remedy
+
+
+def test_without_trials_a_silent_drive_costs_as_much_each_time() -> None:
+    [judgement] = judge(two_drives(1000.0, LineTiming(retry_ms=0.0)))
+    assert judgement.found.endswith("(1000 response_timeout_ms + 1000 drain_ms), each time that it is asked")
 
 
 def test_a_silent_drive_alone_or_on_tcp_starves_nobody() -> None:

@@ -45,16 +45,16 @@ def test_times_are_measured_and_what_they_ask_for_is_proposed_with_its_cost(sick
 
 
 def test_the_silence_that_a_drive_needs_is_found(sick: SickLine) -> None:
-    sick.drives.needs_silence_s = 0.004
-    sick.config.write_text(sick.config.read_text().replace("drain_ms = 20", "drain_ms = 20\ngap_ms = 20"))
+    sick.drives.needs_silence_s = 0.015
+    sick.config.write_text(sick.config.read_text().replace("drain_ms = 20", "drain_ms = 20\ngap_ms = 30"))
     result = typed("probe", str(sick.config), "--timing")
     assert result.returncode == 0, result.stderr
     lost = [line for line in result.stdout.splitlines() if "of silence before each request" in line]
-    assert [line.split()[0] for line in lost] == ["0", "1", "2", "5"]
-    assert all("3 answers lost" in line for line in lost[:3])
-    assert "nothing lost" in lost[3]
-    assert "gap_ms = 20 is configured or stands in the register map" in result.stdout
-    assert "a silent drive keeps the others waiting" in result.stdout
+    assert [line.split()[0] for line in lost] == ["0", "1", "2", "5", "10", "20"]
+    assert all("3 answers lost" in line for line in lost[:5])
+    assert "nothing lost" in lost[5]
+    assert "gap_ms = 30 is configured or stands in the register map" in result.stdout
+    assert "a drive that falls silent keeps others waiting three times: " in result.stdout
 
 
 def test_init_measures_and_writes_what_the_drive_asks_for(sick: SickLine, tmp_path: Path) -> None:

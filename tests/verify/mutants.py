@@ -36,6 +36,8 @@ SECONDS: Final = 3.0
 """Of each world in the second round, half of them breadth first, half at random."""
 FIRST_SECONDS: Final = (0.1, 0.5)
 """The same in rounds before it: most mutants are noticed at once, in one world or another."""
+LONGER: Final = 4
+"""So many times as long for a world that has killed such a mutant before."""
 LOAD_SECONDS: Final = 20.0
 """Beside what the worlds may take: to load the gateway, and to find the shortest way."""
 ENDLESS: Final = 1_000_000_000
@@ -315,7 +317,7 @@ class _Finder:
         exec(compile(self._tree, self._module, "exec"), module.__dict__)
 
 
-def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, first: str, answer: Any) -> None:
+def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, first: Sequence[str], answer: Any) -> None:
     """Walk the worlds with a mutant; runs in a process that has loaded nothing of the gateway."""
     module = ".".join(Path(mutant.file).with_suffix("").parts)
     sys.meta_path.insert(0, _Finder(module, mutant.tree()))  # type: ignore[arg-type]
@@ -324,7 +326,7 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, first: str, answ
         from tests.verify.running import walked
 
         left = list(worlds)
-        rounds = [(seconds, [first] if first else []), *((each, left) for each in (*FIRST_SECONDS, seconds))]
+        rounds = [(LONGER * seconds, list(first)), *((each, left) for each in (*FIRST_SECONDS, seconds))]
         for each, of in rounds:
             for world in of[:]:
                 outcome = walked(world, 0, each / 2, ENDLESS, 1)
@@ -340,8 +342,8 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, first: str, answ
     answer.send(None)
 
 
-def judged(mutant: Mutant, worlds: Sequence[str], seconds: float, first: str = "") -> Verdict:
-    """Find out whether the worlds notice a mutant; ``first``: the world that is asked before the others."""
+def judged(mutant: Mutant, worlds: Sequence[str], seconds: float, first: Sequence[str] = ()) -> Verdict:
+    """Find out whether the worlds notice a mutant; ``first``: worlds that are asked before the others."""
     began = time.monotonic()
     verdict = Verdict(mutant.file, mutant.number, mutant.line, mutant.what)
     ours, theirs = multiprocessing.Pipe()
@@ -350,6 +352,7 @@ def judged(mutant: Mutant, worlds: Sequence[str], seconds: float, first: str = "
     process.start()
     theirs.close()
     limit = (seconds + sum(FIRST_SECONDS) + 3.0) * len(worlds) + LOAD_SECONDS
+    limit += (LONGER * seconds + 3.0) * len(first)
     try:
         until = began + limit
         while ours.poll(max(0.0, until - time.monotonic())):
@@ -394,11 +397,15 @@ def breaks_unbroken(world: str, how: str, trace: tuple[Any, ...]) -> bool:
 class Judge:
     """Tries one mutant after the other; the worlds that have killed most go first.
 
-    Before them the one that has killed a mutant in an earlier run (``before``: by file and what is broken).
+    Before them, and for longer, those that have killed such a mutant in an earlier run (``before``: by file
+    and what is broken).
     """
 
     def __init__(
-        self, worlds: Sequence[str], seconds: float, before: Mapping[tuple[str, str], str] | None = None
+        self,
+        worlds: Sequence[str],
+        seconds: float,
+        before: Mapping[tuple[str, str], Sequence[str]] | None = None,
     ) -> None:
         self._worlds, self._seconds = tuple(worlds), seconds
         self._kills: Counter[str] = Counter()
@@ -407,7 +414,7 @@ class Judge:
     def __call__(self, mutant: Mutant) -> Verdict:
         """Judge one mutant."""
         worlds = sorted(self._worlds, key=lambda world: -self._kills[world])
-        first = self._before.get((mutant.file, mutant.what), "")
+        first = self._before.get((mutant.file, mutant.what), ())
         verdict = judged(mutant, worlds, self._seconds, first)
         if verdict.is_killed:
             self._kills[verdict.world] += 1
@@ -472,12 +479,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _killers(path: Path | None) -> dict[tuple[str, str], str]:
-    """Return which world killed each mutant, as an earlier run has written it down."""
+def _killers(path: Path | None) -> dict[tuple[str, str], list[str]]:
+    """Return which worlds killed each kind of mutant, as an earlier run has written it down."""
     if path is None or not path.exists():
         return {}
     found = json.loads(path.read_text())["mutants"]
-    return {(each["file"], each["what"]): each["world"] for each in found if each["is_killed"]}
+    killers: dict[tuple[str, str], list[str]] = {}
+    for each in found:
+        worlds = killers.setdefault((each["file"], each["what"]), [])
+        if each["is_killed"] and each["world"] and each["world"] not in worlds:
+            worlds.append(each["world"])
+    return killers
 
 
 def _write(path: Path | None, verdicts: Sequence[Verdict]) -> None:

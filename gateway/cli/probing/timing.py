@@ -101,9 +101,10 @@ class LineTimes:
         return propose(longest_ms, gap_ms, has_drain=has_drain(self.line))
 
     def cost_ms(self, of: Proposal) -> float:
-        """Return for how long one silent drive keeps the others waiting, each time that it is asked.
+        """Return for how long a drive that falls silent keeps what moves the others waiting (W6, W11).
 
-        A drive is waited for as long as the most patient controller waits.
+        That happens three times, and each time that it is asked where ``retry_ms`` is 0. It is waited for as
+        long as the most patient controller waits.
         """
         patience_ms = (controller.plan.timeout_ms for controller in self.line.controllers)
         return max(of.response_timeout_ms, *patience_ms, 0.0) + (of.drain_ms or 0.0)
