@@ -18,7 +18,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from hashlib import sha256
@@ -468,11 +468,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     verdicts: list[Verdict] = []
     judge = Judge(asked.worlds or _all_worlds(), asked.seconds, _killers(asked.json))
     with ThreadPoolExecutor(asked.jobs) as pool:
-        for verdict in pool.map(judge, mutants):
+        for done in as_completed([pool.submit(judge, mutant) for mutant in mutants]):
+            verdict = done.result()
             verdicts.append(verdict)
             fate = f"killed in {verdict.world or 'no world'}" if verdict.is_killed else "SURVIVED"
             where = f"{Path(verdict.file).stem}:{verdict.number} (line {verdict.line})"
             print(f"{fate:22} {verdict.seconds:5.1f} s  {where}: {verdict.what}", flush=True)
+    verdicts.sort(key=lambda verdict: (verdict.file, verdict.number))
     _write(asked.json, verdicts)
     killed = sum(verdict.is_killed for verdict in verdicts)
     print(f"{killed} of {len(verdicts)} killed, {100.0 * killed / max(1, len(verdicts)):.1f} %")
