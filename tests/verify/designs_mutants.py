@@ -286,6 +286,18 @@ def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
                 (*ask("to", 0), ("arrive", 0), *ask("status"), ("alarm", 0), *ask("alarms"), *ask("to", 0)),
             ),
         ),
+        small_staged(
+            "s-homing-alarm",
+            "a homing command that an alarm ends, and another one",
+            staged(referenced=Reference.HOMING, bits={**HOMED_TOO, "alarm": BITS["alarm"]}),
+            menu=("home", "status"),
+            targets=(9007,),
+            happenings=(*TIME, "homed", "alarm", "calm"),
+            horizon_ticks=14,
+            judges_blocks=False,
+            checks_way_back=False,
+            ways=((*ask("home"), ("alarm", 0), *ask("status"), ("calm", 0), *ask("home"), *ask("status")),),
+        ),
         small(
             "s-drops-late",
             "a drive whose done bit stays up for two ticks after it was told to go, and tells nothing else",

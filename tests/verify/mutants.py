@@ -36,7 +36,7 @@ SECONDS: Final = 3.0
 """Of each world in the second round, half of them breadth first, half at random."""
 FIRST_SECONDS: Final = (0.1, 0.5)
 """The same in rounds before it: most mutants are noticed at once, in one world or another."""
-LONGER: Final = 4
+LONGER: Final = 8
 """So many times as long for a world that has killed such a mutant before."""
 LOAD_SECONDS: Final = 20.0
 """Beside what the worlds may take: to load the gateway, and to find the shortest way."""
