@@ -181,7 +181,7 @@ def unanswered(world: "World", wire: "Wire", *, is_cut: bool = False) -> None:
     if wire.pdu[0] != 3:
         facts = _reference_after(facts, plan, wire, world.now_ns, is_obeyed=False)
     if not is_cut:
-        facts = _fell_silent(facts, plan, world.now_ns)
+        facts = _fell_silent(facts, plan, world.now_ns, wire.sent_ns)
     note(world, number, facts)
     if wire.pdu[0] != 3:
         _target_ended(world, number, wire, NO_REPLY, is_native=False)
@@ -265,10 +265,11 @@ def restarted(world: "World", wire: "Wire | None", *, has_record: bool) -> None:
         note(world, number, first(plan)._replace(is_recalling=is_written and not is_unknown))
 
 
-def _fell_silent(facts: Facts, plan: AxisPlan, now_ns: int) -> Facts:
+def _fell_silent(facts: Facts, plan: AxisPlan, now_ns: int, sent_ns: int = 0) -> Facts:
+    """``sent_ns``: when the request left that was not answered; none where the link went."""
     if plan.referenced is Reference.ABSOLUTE:
         return facts
-    since_ns = facts.silent_since_ns or now_ns
+    since_ns = facts.silent_since_ns or sent_ns or now_ns
     return facts._replace(silent_since_ns=since_ns, silent_until_ns=now_ns, is_doubted=True)
 
 

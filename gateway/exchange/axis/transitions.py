@@ -147,7 +147,6 @@ WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
 _DOUBTED_AGAIN: Final = {
     Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
     Referenced.LOST: Referenced.LOST_IN_DOUBT,
-    Referenced.HOMING: Referenced.LOST_IN_DOUBT,
     Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
     Referenced.FOUND: Referenced.LOST_IN_DOUBT,
     Referenced.FOUND_IN_DOUBT: Referenced.LOST_IN_DOUBT,
@@ -175,27 +174,18 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Ref
         ReferenceEvent.LOSS: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
         ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND, Referenced.HOMING: Referenced.FOUND},
     },
-    Reference.DRIVE_BIT: {
+    Reference.DRIVE_BIT: {  # once the bit was seen to be down a homing has begun: the next one set ends it
         ReferenceEvent.BIT_SET: dict.fromkeys(Referenced, Referenced.FOUND),
-        ReferenceEvent.BIT_CLEAR: {
-            Referenced.UNTOLD: Referenced.LOST,
-            Referenced.UNTOLD_HOMING: Referenced.HOMING,
-            Referenced.LOST_IN_DOUBT: Referenced.LOST,
-            Referenced.HOMING_IN_DOUBT: Referenced.HOMING,
-            Referenced.FOUND: Referenced.LOST,
-            Referenced.FOUND_IN_DOUBT: Referenced.LOST,
-        },
+        ReferenceEvent.BIT_CLEAR: dict.fromkeys(Referenced, Referenced.LOST),
         ReferenceEvent.HOMING: {
             Referenced.UNTOLD: Referenced.UNTOLD_HOMING,
             Referenced.LOST: Referenced.HOMING_IN_DOUBT,
             Referenced.LOST_IN_DOUBT: Referenced.HOMING_IN_DOUBT,
-            Referenced.HOMING: Referenced.HOMING_IN_DOUBT,
             Referenced.FOUND: Referenced.HOMING_IN_DOUBT,
             Referenced.FOUND_IN_DOUBT: Referenced.HOMING_IN_DOUBT,
         },
         ReferenceEvent.OTHER_MOTION: {
             Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
-            Referenced.HOMING: Referenced.LOST,
             Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
         },
         ReferenceEvent.SET_AT_REST: _DOUBTED_AGAIN,
@@ -203,13 +193,11 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Ref
         ReferenceEvent.LOSS: {
             Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
             Referenced.LOST: Referenced.LOST_IN_DOUBT,
-            Referenced.HOMING: Referenced.LOST_IN_DOUBT,
             Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
             Referenced.FOUND: Referenced.FOUND_IN_DOUBT,
         },
         ReferenceEvent.SILENCE: {
             Referenced.LOST: Referenced.LOST_IN_DOUBT,
-            Referenced.HOMING: Referenced.HOMING_IN_DOUBT,
             Referenced.FOUND: Referenced.FOUND_IN_DOUBT,
         },
     },
@@ -376,11 +364,8 @@ class Axis(AxisState):
 
     def see_homed_bit(self, now_ns: int, *, is_set: bool) -> None:
         """Take note of the drive's homed bit, where it decides."""
-        is_homing = self.reference in HOMING
-        if is_set and is_homing and now_ns - self.homing_since_ns < HOMING_SETTLE_NS:
+        if is_set and self.reference in HOMING and now_ns - self.homing_since_ns < HOMING_SETTLE_NS:
             return  # it may be that of the homing before
-        if not is_set and is_homing:
-            self.homing_since_ns = now_ns - HOMING_SETTLE_NS
         self.reference_seen_ns = now_ns
         self._reference_happens(ReferenceEvent.BIT_SET if is_set else ReferenceEvent.BIT_CLEAR)
 
