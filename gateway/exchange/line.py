@@ -314,6 +314,7 @@ class LineExchange:
             self.answers.disturb(unit_id, now_ns)
             self._current = None
             self._send_once_more(transaction, now_ns)
+            self._report(self._units.axes_of(unit_id))
             self._next(now_ns)
             return
         self.answers.answered_ns[unit_id] = now_ns

@@ -113,11 +113,17 @@ def _references(staged: Plan) -> tuple[Design, ...]:
     met = (*ask("zero"), *go(0), *ask("stop"), *ask("home"), ("alarm", 0), *ask("status"))
     alarmed = (*go(1), *WAIT * 2, ("alarm", 0), *ask("status"), ("calm", 0), *ask("to", 1), *ask("run"))
     away = (("declare",), *go(1), ("ask", 0, "read", 0), *WAIT * 4, *ask("read"), *ask("to", 1), *ask("run"))
+    # What a silence has cost is told with whatever comes next, be it no echo of a stop.
+    early = (
+        ("ask", 0, "to", 0, 1), ("declare",), *WAIT, ("ask", 0, "to", 0, 0), *WAIT * 2,
+        ("ask", 0, "stop", 0), ("drive", "refuse"),
+    )  # fmt: skip
+    declared = (("ask", 0, "home", 0), *WAIT, ("ask", 0, "status", 0), *WAIT * 2, ("declare",), *ask("stop"))
     found = []
     for name, way, ways in (
         ("set-position", Reference.SET_POSITION, (set_and_lost, met)),
         ("absolute", Reference.ABSOLUTE, (set_and_lost, alarmed)),
-        ("homing-all", Reference.HOMING, (homed, set_and_lost, silent, away)),
+        ("homing-all", Reference.HOMING, (homed, set_and_lost, silent, away, early, declared)),
         (
             "drive-bit",
             Reference.DRIVE_BIT,
