@@ -4,6 +4,7 @@ import random
 
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import DriveLink
+from gateway.exchange.transaction import Stopping
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from tests.ledger.clock import MS, Clock
@@ -73,7 +74,8 @@ class Wire(DriveLink):
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``."""
         current = getattr(self.line, "_current", None)
-        frame = self._ledger.sent(unit_id, pdu, is_early=current is not None and current.is_early)
+        is_early = current is not None and current.stopping is Stopping.EARLY
+        frame = self._ledger.sent(unit_id, pdu, is_early=is_early)
         frame.connection = self._connection
         drive = self._drive(unit_id)
         fault = choose(
