@@ -299,12 +299,19 @@ class Ledger:
             self._lost(old, "too old")
 
     def _goes_again(self, frame: Frame) -> None:
-        """A stop that left early and was not answered leaves once more when the line has been silent (M3)."""
+        """A stop that left early and was not answered leaves once more when the line has been silent (M3).
+
+        Where its controller has given up on it, the same stop that waits already takes its place.
+        """
         self._missed_stops.add((frame.unit, frame.pdu))
         request = frame.request
-        if request is not None:
+        if request is None:
+            return
+        frame.request = None
+        waiting = [(each.unit, each.pdu) for controller in self.controllers for each in controller.pending]
+        is_waited_for = request.controller.unanswered.get(request.transaction_id) is request
+        if is_waited_for or (frame.unit, frame.pdu) not in waiting:
             request.controller.pending.insert(0, request)
-            frame.request = None
 
     def did(self, frame: Frame, deeds: list[Deed]) -> None:
         """A drive has taken a frame."""
