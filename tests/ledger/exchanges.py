@@ -32,6 +32,7 @@ class Request:
     __slots__ = (
         "arrived_ns",
         "controller",
+        "goes_again",
         "is_foreign",
         "is_lost",
         "is_stop",
@@ -62,7 +63,7 @@ class Request:
         """When the gateway had read all of it."""
         self.written_ns = written_ns
         """When its controller sent its first byte."""
-        self.is_stop = self.is_lost = False
+        self.is_stop = self.is_lost = self.goes_again = False
         self.is_foreign = False
         """It is for a unit id that no drive was given, on a line whose drive does not look at them."""
         self.restaged = 0

@@ -205,6 +205,8 @@ class Ledger:
         self._check_stops(frame)
         self._expire()
         found = [r for r in self._next_ones(unit) if self._may_become(r, frame)]
+        if is_early:  # what goes again waits for the silence
+            found = [request for request in found if not request.goes_again]
         if unit not in self.judges:
             self._sent_elsewhere(frame, found)
             return frame
@@ -248,11 +250,13 @@ class Ledger:
     def _check_stops(self, frame: Frame) -> None:
         """A stop that waits goes before everything else (M3)."""
         stops = [r for c in self.controllers if c.may_write for r in c.pending if r.is_stop]
+        if any((r.unit, r.pdu) == (frame.unit, frame.pdu) for r in stops):
+            return
         # The same again, which its drive did not answer, lets the others have an exchange between.
-        stops = [r for r in stops if (r.unit, r.pdu) not in self._missed_stops]
-        if stops and not any((r.unit, r.pdu) == (frame.unit, frame.pdu) for r in stops):
-            detail = f"{frame.pdu.hex(' ')} went before {stops[0].pdu.hex(' ')}"
-            self.book.violation("M3-stop-waits", detail, self.witness(stops[0].unit).journal)
+        waiting = [r for r in stops if (r.unit, r.pdu) not in self._missed_stops]
+        if waiting:
+            detail = f"{frame.pdu.hex(' ')} went before {waiting[0].pdu.hex(' ')}"
+            self.book.violation("M3-stop-waits", detail, self.witness(waiting[0].unit).journal)
 
     def _may_become(self, request: Request, frame: Frame) -> bool:
         if request.is_foreign:
@@ -311,6 +315,7 @@ class Ledger:
         waiting = [(each.unit, each.pdu) for controller in self.controllers for each in controller.pending]
         is_waited_for = request.controller.unanswered.get(request.transaction_id) is request
         if is_waited_for or (frame.unit, frame.pdu) not in waiting:
+            request.goes_again = True
             request.controller.pending.insert(0, request)
 
     def did(self, frame: Frame, deeds: list[Deed]) -> None:
