@@ -125,6 +125,13 @@ class TriggerPlan:
         risen = word & self.rising & ~(before or 0)
         return deed if risen else NOTHING_DONE
 
+    def stops_surely(self, word: int, certain: int) -> bool:
+        """Whether a word stops the drive of which only the bits ``certain`` are known."""
+        open_bits = self.mask & ~certain
+        met = [deed.action for value, deed in self.deeds.items() if not (value ^ word) & self.mask & certain]
+        is_all = len(met) == 1 << open_bits.bit_count()
+        return all(action is Action.STOP for action in met) and (is_all or self.otherwise is Action.STOP)
+
     def is_following(self, word: int) -> bool:
         """Whether the drive goes to each position as it is written while the register holds ``word``."""
         deed = self.deeds.get(word & self.mask)

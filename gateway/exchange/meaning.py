@@ -60,6 +60,7 @@ class Meaning(Command):
         coils: Mapping[int, int],
         unclear_words: frozenset[int],
         is_doubtful: bool,
+        sets_position_too: bool = False,
     ) -> None:
         super().__init__(
             action=action,
@@ -71,6 +72,7 @@ class Meaning(Command):
             modes_written=tuple(sorted(axis.rules.modes.intersection((*words, *unclear_words)))),
             epoch=axis.epoch,
             is_doubtful=is_doubtful,
+            sets_position_too=sets_position_too,
         )
         self.axis = axis
         self.commands = commands
@@ -183,8 +185,12 @@ class _Reading:
     def meaning(self) -> Meaning | None:
         if not (self.commands or self.words or self.unclear or self.coils or self.sets_position):
             return None
-        deed = min(self._deeds(), key=_rank, default=NOTHING_DONE)
-        following = None if deed.action is Action.STOP else self._unknown_following()
+        deeds = self._deeds()
+        deed = min(deeds, key=_rank, default=NOTHING_DONE)
+        if deed.action is Action.STOP:
+            sets_position = any(each.action is Action.SET_POSITION for each in deeds)
+            return self._meaning(Action.STOP, None, sets_position_too=sets_position)
+        following = self._unknown_following()
         if following is not None:
             return self._meaning(Action.UNKNOWN, None, needs_word=following)
         if deed.action is Action.FOLLOW_NEXT:
@@ -203,7 +209,14 @@ class _Reading:
             return self._meaning(Action.UNKNOWN, number)
         return self._meaning(Action.UNKNOWN, number, needs_word=mode.address)
 
-    def _meaning(self, action: Action, number: int | None, needs_word: int | None = None) -> Meaning:
+    def _meaning(
+        self,
+        action: Action,
+        number: int | None,
+        needs_word: int | None = None,
+        *,
+        sets_position_too: bool = False,
+    ) -> Meaning:
         return Meaning(
             axis=self.axis,
             commands=self.commands,
@@ -214,6 +227,7 @@ class _Reading:
             coils=self.coils,
             unclear_words=frozenset(self.unclear),
             is_doubtful=action.runs_target and self.is_doubtful,
+            sets_position_too=sets_position_too,
         )
 
     def _deeds(self) -> list[Deed]:
@@ -231,7 +245,10 @@ class _Reading:
             elif trigger.address in self.unclear:
                 word, certain = self.certain_bits.get(trigger.address, (0, 0))
                 is_certain = not (trigger.mask | trigger.rising) & ~certain
-                deeds.append(trigger.deed(word, None) if is_certain else Deed(Action.UNKNOWN))
+                if trigger.stops_surely(word, certain):
+                    deeds.append(Deed(Action.STOP))
+                else:
+                    deeds.append(trigger.deed(word, None) if is_certain else Deed(Action.UNKNOWN))
         if self.sets_position:
             deeds.append(Deed(Action.SET_POSITION))
         if any(address in self.words or address in self.unclear for address in self.plan.starts_on) or (

@@ -187,8 +187,8 @@ def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
 def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     """Return the next write of a staged target for its trigger, if any; never of a word that starts (M2).
 
-    That would move the axis before its trigger, with the speed of the move before, and also where the trigger
-    is withdrawn (W5).
+    Nor of any word while the drive goes to each position as it is written, or may. That would move the axis
+    before its trigger, with the speed of the move before, and also where the trigger is withdrawn (W5).
 
     Raises:
         RefusedRequestError: the target has to be written anew and must not be.
@@ -196,7 +196,8 @@ def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     added = restaging(axis, rendering)
     if added is None:
         return None
-    if not axis.plan.motion.starts_on.isdisjoint(addresses_to_restage(axis, rendering)):
+    starts = not axis.plan.motion.starts_on.isdisjoint(addresses_to_restage(axis, rendering))
+    if starts or axis.rules.may_go_at_once(rendering.number):
         raise RefusedRequestError(
             ExceptionCode.SERVER_DEVICE_FAILURE,
             axis.plan.name,
@@ -223,7 +224,8 @@ def _staged_words(meaning: Meaning) -> bytes | None:
     if image is not None and image.nominal_words is not None and not image.is_torn:
         return image.nominal_words
     is_as_written = axis.passes_unchanged and not (image and image.may_be_corrected)
-    if is_as_written or axis.plan.motion.passes_stored_moves:
+    is_lost = image is not None and image.is_torn  # what the drive holds in its place nobody meant (M3)
+    if is_as_written or (axis.plan.motion.passes_stored_moves and not is_lost):
         return None
     raise _not_ours(axis)
 

@@ -43,6 +43,8 @@ class Base(NamedTuple):
     corrected_counts: Counts
     is_standing: bool
     """The axis is known to stand there."""
+    is_assumed: bool = False
+    """Nobody knows on which branch it stands there."""
 
 
 def render_repeat(axis: Axis, number: int) -> Rendering:
@@ -134,6 +136,8 @@ def render_distance(
     place = Place(base.nominal_counts, PlaceKind.REACHED) if base.is_standing else None
     try:
         move = _plan_move(axis, nominal_counts, seen, place)
+        if base.is_assumed:
+            move = move._replace(state=move.state._replace(is_unsure=True))
         corrected_counts = nominal_counts + move.correction_counts
         steps = steps_of(field_, corrected_counts - base.corrected_counts)
         words = field_.pack(steps)
@@ -350,4 +354,5 @@ def _base_at(axis: Axis, counts: Counts, standing: Standing, *, tolerance: float
     is_certain = standing is Standing.STANDS or (standing is Standing.SAYS_SO and axis.is_at_target(counts))
     if not is_certain:
         return None
-    return Base(round(axis.nominal_of(counts)), counts, is_standing=True)
+    is_assumed = axis.whereabouts not in ON_BRANCH
+    return Base(round(axis.nominal_of(counts)), counts, is_standing=True, is_assumed=is_assumed)

@@ -111,6 +111,7 @@ class Command:
         "is_doubtful",
         "modes_written",
         "number",
+        "sets_position_too",
         "unclear_words",
         "words",
         "written",
@@ -128,6 +129,7 @@ class Command:
         modes_written: tuple[int, ...],
         epoch: int,
         is_doubtful: bool,
+        sets_position_too: bool = False,
     ) -> None:
         self.action = action
         """IGNORE where nothing moves; never START: that is what the mode makes of it."""
@@ -146,6 +148,8 @@ class Command:
         """Of its axis, when it was sent."""
         self.is_doubtful = is_doubtful
         """A bit that starts the motion is set, and nobody knows whether it was set before."""
+        self.sets_position_too = sets_position_too
+        """A stop that also tells the drive that it stands somewhere else."""
 
     @property
     def is_stop(self) -> bool:

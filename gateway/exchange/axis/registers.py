@@ -15,7 +15,7 @@ Only ``transitions`` changes an image.
 from enum import Enum
 from typing import Final
 
-from gateway.drives.motion import MotionPlan
+from gateway.drives.motion import Action, MotionPlan
 from gateway.modbus.registers import PositionField
 
 JOIN_NS: Final = 200_000_000
@@ -231,6 +231,16 @@ class RuleImage:
     def coil(self, address: int) -> int | None:
         """Return the state of a coil, as far as it is known."""
         return self._coils.get(address)
+
+    def may_go_at_once(self, number: int) -> bool:
+        """Whether a position that is written now may be gone to before anything else is written (M2)."""
+        for trigger in self.following:
+            word = self._words.get(trigger.address)
+            if word is None or trigger.is_following(word) or trigger.holds_unknown(word):
+                return True
+        mode = self.plan.mode(number)
+        mode_word = None if mode is None else self._words.get(mode.address)
+        return mode is not None and mode_word is not None and mode.action(mode_word) is Action.FOLLOW
 
     def note_words(self, words: dict[int, int], epoch: int) -> None:
         """Note what the drive acknowledged; ``epoch``: of its axis, when it was sent."""

@@ -224,6 +224,8 @@ class Rendering(NamedTuple):
     """The words are a distance; ``corrected_counts`` is where it ends."""
     start: Accepted | None = None
     """Where a distance starts."""
+    stood_there: bool = False
+    """Of one that was not acknowledged: the drive held these words before, so to read them proves nothing."""
 
 
 class Retained(NamedTuple):

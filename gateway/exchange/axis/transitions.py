@@ -724,8 +724,12 @@ class Axis(AxisState):
         is_repeat = rendering.move is None and not rendering.is_distance
         if is_repeat and (self.compensation.accepted is not None or self.whereabouts is Whereabouts.RETAINED):
             return
-        self.leave_run_unproven(rendering, now_ns)
         image = self.fields[rendering.number]
+        if image.corrected_words == rendering.corrected_words:
+            marked = rendering._replace(stood_there=True)
+            self.pending = marked if self.pending is rendering else self.pending
+            rendering = marked
+        self.leave_run_unproven(rendering, now_ns)
         image.leave(rendering.nominal_words, rendering.corrected_words)
         image.forget()
 
@@ -757,9 +761,9 @@ class Axis(AxisState):
         command = request.command
         if command is not None:
             runs_unknown = command.runs_alone and not request.runs
-            if command.is_stop:
+            if command.is_stop and not command.sets_position_too:
                 self.send_stop()
-            elif command.action in MOVES_OTHERWISE or command.is_doubtful or runs_unknown:
+            elif command.is_stop or command.action in MOVES_OTHERWISE or command.is_doubtful or runs_unknown:
                 self.send_motion()
         if request.blind or request.goes_unknown or request.remaps:
             self.send_motion()
@@ -808,6 +812,8 @@ class Axis(AxisState):
                 rules.note_words({mode.address: mode.resets_to}, command.epoch)
         if action in MOVES_OTHERWISE:
             self._move_otherwise(action, now_ns, is_certain=True)
+            if command.sets_position_too:
+                self._move_otherwise(Action.SET_POSITION, now_ns, is_certain=True)
         elif command.is_doubtful:
             self.displace(now_ns, keeps_branch=True)  # the reading counts on it already
         is_whole = not any(self.fields[number].is_torn for number in command.written)
@@ -844,6 +850,8 @@ class Axis(AxisState):
             self.rules.doubt({**command.words, **unclear}, dict(command.coils))
             if command.action in MOVES_OTHERWISE:
                 self._move_otherwise(command.action, now_ns, is_certain=False)
+                if command.sets_position_too:
+                    self._move_otherwise(Action.SET_POSITION, now_ns, is_certain=False)
             elif command.runs_alone and not request.is_run_known:
                 self.displace(now_ns)
         if not (is_broadcast or (self.passes_unchanged and is_refusal)):
@@ -1183,14 +1191,15 @@ class Axis(AxisState):
     ) -> bytes:
         """Turn the words of a command field that is read back into what the controller wrote.
 
-        They also prove that a target arrived which was never acknowledged; of a distance they say nothing
-        about its having run.
+        They also prove that a target arrived which was never acknowledged, unless the drive held the same
+        words before; of a distance they say nothing about its having run.
         """
         unproven, image = self.unproven, self.fields[number]
         if (
             unproven is not None
             and unproven.number == number
             and unproven.corrected_words == words
+            and not unproven.stood_there
             and not unproven.is_distance
             and not self.plan.motion.waits_for_trigger
         ):
