@@ -675,7 +675,7 @@ class LineExchange:
         Where that has given up on it and the same stop waits already, that one is the next.
         """
         if not (stop.is_orphan and any(each.is_same_stop(stop) for each in self._waiting)):
-            self._waiting.add_again(stop.once_more())
+            self._waiting.put_back(stop.once_more())
         self._ends.finish(stop, Outcome.NO_REPLY, now_ns, code=NO_RESPONSE)
 
     def _start(self, transaction: Transaction, now_ns: int) -> None:
@@ -772,7 +772,7 @@ class LineExchange:
         self.rest.turn_around(now_ns)
         self._gaps.ended(transaction, now_ns, self.rest.until_ns)
         if transaction.stopping is Stopping.EARLY:
-            self._waiting.add_again(transaction.once_more())
+            self._waiting.put_back(transaction.once_more())
         self._ends.finish(transaction, Outcome.BROADCAST, now_ns)
         self._report(self.axes)
 

@@ -252,8 +252,10 @@ class Ledger:
         stops = [r for c in self.controllers if c.may_write for r in c.pending if r.is_stop]
         if any((r.unit, r.pdu) == (frame.unit, frame.pdu) for r in stops):
             return
-        # The same again, which its drive did not answer, lets the others have an exchange between.
-        waiting = [r for r in stops if (r.unit, r.pdu) not in self._missed_stops]
+        # The same again, which its drive did not answer, lets the others have an exchange between; one that
+        # goes once more itself waits for the silence.
+        missed = self._missed_stops
+        waiting = [r for r in stops if not r.goes_again and (r.unit, r.pdu) not in missed]
         if waiting:
             detail = f"{frame.pdu.hex(' ')} went before {waiting[0].pdu.hex(' ')}"
             self.book.violation("M3-stop-waits", detail, self.witness(waiting[0].unit).journal)
