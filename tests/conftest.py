@@ -66,7 +66,15 @@ def pytest_sessionfinish() -> None:
     gc.unfreeze()
 
 
-FIRST = ("tests/package/", "tests/measure/", "tests/service/")
+FIRST = (
+    "tests/package/",
+    "tests/measure/",
+    "tests/service/",
+    "tests/verify/test_verify.py",
+    "tests/metrology/test_what_lies_between.py",
+    "tests/report/test_writing.py",
+    "tests/compiled/",
+)
 """Minutes for each file: begun last, one worker would have them while the others have nothing to do."""
 
 
