@@ -349,7 +349,10 @@ class Ledger:
         self.witness(frame.unit).journal.note("from the drive", pdu)
         is_native = native_success(frame.pdu, pdu)
         if frame.is_early and pdu != frame.pdu:
+            early = frame.request
             self._goes_again(frame)
+            if is_native and early is not None:  # the gateway may believe it where nothing is owed
+                frame.candidates = [early]
         else:
             self._missed_stops -= {each for each in self._missed_stops if each[0] == frame.unit}
         if not is_native:
