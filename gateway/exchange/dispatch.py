@@ -149,9 +149,17 @@ class Units:
 
     @staticmethod
     def only_stops(frames: Iterable[Frame]) -> bool:
-        """Whether a request does nothing to any axis but stop it."""
-        found = [meaning for frame in frames for meaning in meanings(frame)]
-        return all(m.is_stop or (m.action is Action.IGNORE and not m.commands) for m in found)
+        """Whether a request does nothing to any axis but stop it, whenever it is sent and however often."""
+        for frame in frames:
+            # A bit that is set now may have been cleared before it leaves, or before it leaves once more.
+            found = {meaning.axis.plan.name: meaning for meaning in meanings(frame, may_have_risen=True)}
+            for own in frame.by_axis:
+                meaning = found.get(own.axis.plan.name)
+                if not (meaning is not None and meaning.is_stop) and (
+                    own.fields or (meaning is not None and not meaning.is_idle)
+                ):
+                    return False
+        return True
 
     def next_to_send(self, transaction: Transaction, now_ns: int) -> tuple[AddedFrame | None, bytes]:
         """Return what goes out next for a transaction: a frame that it needs first, or its own request.
@@ -191,12 +199,17 @@ def _partners(axes: Sequence[Axis]) -> tuple[int, ...]:
 
 def is_acting_on(units: Units, transaction: Transaction, axes: Sequence[Axis]) -> bool:
     """Whether a request, which is no stop, would move one of these axes or give it a target."""
-    if transaction.is_stop or transaction.port is None:
+    return not transaction.is_stop and moves_one_of(units, transaction, axes)
+
+
+def moves_one_of(units: Units, transaction: Transaction, axes: Sequence[Axis]) -> bool:
+    """Whether a request would move one of these axes or give it a target, whatever else it stops."""
+    if transaction.port is None:
         return False
     for frame in units.frames_of(transaction):
         # A bit that is set now may have been cleared by a request that waits before this one.
         for meaning in meanings(frame, may_have_risen=True):
             acts = bool(meaning.commands) or meaning.action is not Action.IGNORE
-            if acts and meaning.axis in axes:
+            if acts and not (transaction.is_stop and meaning.is_stop) and meaning.axis in axes:
                 return True
     return False

@@ -33,7 +33,7 @@ from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import Control, ControlError, EndDryRun, SetLimits, carry_out
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.deadlines import Deadlines
-from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on
+from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on, moves_one_of
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.meter import LineMeter
@@ -257,7 +257,7 @@ class LineExchange:
         current = self._current
         if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
             current.overtake(reason)
-        stop.become_stop()
+        stop.become_stop(only_stops=self._units.only_stops(self._units.frames_of(stop)))
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             busy = ExceptionCode.SERVER_DEVICE_BUSY
             self._refuse(stop, busy, now_ns, is_lost=False)
@@ -405,8 +405,15 @@ class LineExchange:
         return code
 
     def _is_answer(self, stop: Transaction, reply: bytes, now_ns: int) -> bool:
-        """Whether a reply to a stop that left early is its own: a late one may come in its place."""
+        """Whether a reply to a stop that left early ends it: a late one may come in its place.
+
+        What waited for the silence before it came may move its axis yet: then it goes once more behind that.
+        """
         unit_id, pdu = stop.unit_id, stop.pdu
+        axes = [meaning.axis for meaning in self._units.stops_of(self._units.frames_of(stop))]
+        for each in self._waiting.stops:
+            if each.stopping is Stopping.ONCE and moves_one_of(self._units, each, axes):
+                return False
         if pdu[0] in FULL_ECHOES:
             return reply == pdu
         # Of several registers only their addresses come back, as they do for any other write there.
@@ -558,10 +565,10 @@ class LineExchange:
         if transaction.is_stop:
             rests_until_ns = self.rest.until_ns
             from_ns = self._stop_from_ns(transaction)
-            is_again = transaction.stopping is Stopping.AGAIN
-            if rests_until_ns is not None and (is_again or self.rest.is_turning):
+            is_late = transaction.waits_for_silence
+            if rests_until_ns is not None and (is_late or self.rest.is_turning):
                 from_ns = max(from_ns, rests_until_ns)
-            if is_again:
+            if is_late:
                 from_ns = max(from_ns, self.answers.free_ns(unit_id, now_ns, is_read=False))
             return from_ns
         if transaction.is_denied or transaction.why_given_up(now_ns):
@@ -650,7 +657,7 @@ class LineExchange:
 
     def _is_early(self, stop: Transaction, now_ns: int) -> bool:
         """Whether a late frame may come in the place of the reply to a stop, or meet it on the wire."""
-        if stop.stopping is Stopping.AGAIN or not self._link.is_serial:
+        if stop.waits_for_silence or not self._link.is_serial:
             return False
         return self.rest.is_draining or self.answers.free_ns(stop.unit_id, now_ns, is_read=False) > now_ns
 

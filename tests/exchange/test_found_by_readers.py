@@ -5,8 +5,8 @@ The table adds 10 counts to a position that is come to forward and takes 10 away
 
 from dataclasses import replace
 
-from gateway.drives.motion import Action, ModePlan, MotionPlan, TriggerPlan
-from gateway.exchange.plan import ControllerPlan, Reference
+from gateway.drives.motion import Action, Deed, ModePlan, MotionPlan, TriggerPlan
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Reference, Role
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
 from tests.exchange import test_hazard_starting_words as starting
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, write
@@ -18,6 +18,7 @@ from tests.exchange.staged_bench import (
     RUN_PDU,
     STOP,
     STOP_PDU,
+    TRIGGER,
     StagedBench,
     staged_plan,
 )
@@ -156,3 +157,169 @@ def test_what_was_read_for_a_target_before_a_stop_went_first_is_read_again() -> 
     bench.line.reply(unit_id, pdu, bench.now_ns)
     bench.serve()
     assert bench.seen[-1] == write(COMMAND, 59_990)
+
+
+# --- a frame that stops one axis and acts on another one ----------------------------------------------------
+
+NEXT_TRIGGER = TRIGGER + 1
+NEXT_ACTUAL = PositionField(0x0720, RegisterType.INT32, WordOrder.LOW_FIRST)
+NEXT_STATUS = 0x005D
+NEXT_STOP_PDU = bytes.fromhex("06 050F 03E8")
+STRANGE = bytes.fromhex("03 0900 0001")
+
+
+def stop_beside(word: int) -> bytes:
+    """FC16 that stops x and writes a word into the trigger of y, the register behind."""
+    return bytes.fromhex("10 050E 0002 04 03E8") + word.to_bytes(2, "big")
+
+
+def next_plan(**changes: object) -> AxisPlan:
+    """Return the plan of y, whose trigger is the register behind that of x; 2 runs a distance."""
+    deeds = {**DEEDS, 2: Deed(Action.RELATIVE)}
+    plan: dict[str, object] = {
+        "name": "y",
+        "command": (OTHER,),
+        "actual": (NEXT_ACTUAL,),
+        "commanded": (),
+        "motion": MotionPlan(is_staged=True, triggers=(TriggerPlan(NEXT_TRIGGER, deeds=deeds),)),
+        "bits": {"done": BitField(NEXT_STATUS, 4)},
+    }
+    return replace(staged_plan(), **(plan | changes))  # type: ignore[arg-type]
+
+
+def arrive_next(bench: StagedBench, counts: float | None = None) -> None:
+    """Let y come to its target, or to ``counts``, and its controller see it."""
+    bench.memory.put(NEXT_ACTUAL, bench.memory.get(OTHER) if counts is None else counts)
+    bench.memory.words[NEXT_STATUS] = 16
+    bench.wait(1200)
+    bench.ask(bytes.fromhex("03 005D 0001"))
+    bench.ask(read(NEXT_ACTUAL))
+
+
+def run_next(bench: StagedBench, *targets: float) -> None:
+    """Stage and run targets of y, one after the other."""
+    for counts in targets:
+        bench.ask(write(OTHER, counts))
+        bench.ask(b"\x06" + NEXT_TRIGGER.to_bytes(2, "big") + b"\0\1")
+        arrive_next(bench)
+
+
+def side_by_side(**changes: object) -> StagedBench:
+    """Two axes whose triggers lie side by side, on a serial line that is asked over TCP; y stands at 5010."""
+    timing = LineTiming(response_timeout_ms=100.0, drain_ms=50.0, retry_ms=200.0)
+    bench = StagedBench(staged_plan(), next_plan(**changes), serial=False, timing=timing)
+    bench.port = Port(ControllerPlan("cnc", timeout_ms=5000.0))
+    run_next(bench, 0, 5000)
+    return bench
+
+
+def owe_silence(bench: StagedBench) -> None:
+    """Let a read of another controller time out: its answer may come yet."""
+    bench.send(STRANGE, port=Port(ControllerPlan("plc", timeout_ms=100.0)))
+    bench.link.sent.clear()
+    bench.wait(101)
+    bench.seen.clear()
+
+
+def serve_for(bench: StagedBench, ms: int) -> None:
+    """Answer what comes, and let time pass."""
+    for _ in range(ms // 10):
+        while bench.link.sent:
+            unit_id, pdu = bench.link.sent.pop(0)
+            bench.seen.append(pdu)
+            bench.now_ns += MS
+            bench.line.reply(unit_id, bench.memory.answer(pdu), bench.now_ns)
+        bench.wait(10)
+
+
+def test_a_stop_that_runs_a_distance_of_another_axis_leaves_once_after_the_silence() -> None:
+    """W5, W6: 1000 of y would run twice if the frame left early and once more."""
+    bench = side_by_side()
+    bench.ask(write(OTHER, 1000))
+    owe_silence(bench)
+    bench.send(stop_beside(2))
+    assert bench.link.sent == []
+    serve_for(bench, 400)
+    assert bench.seen == [stop_beside(2)]
+    assert [pdu.hex() for _, _, pdu in bench.port.replies] == ["10050e0002"]
+
+
+def test_a_stop_that_writes_nothing_for_another_axis_leaves_early_and_once_more() -> None:
+    """M3, W6: y's trigger gets 0, which does nothing, once or twice; while late frames may come an echo of
+    the address alone is no answer."""
+    bench = side_by_side()
+    owe_silence(bench)
+    bench.send(stop_beside(0))
+    assert bench.link.sent == [(1, stop_beside(0))]
+    serve_for(bench, 400)
+    assert bench.seen == [stop_beside(0), stop_beside(0)]
+
+
+def test_a_stop_that_comes_after_a_run_beside_a_stop_ends_it() -> None:
+    """M3: y's own stop goes at once, and once more behind the frame that runs y and waits for the silence."""
+    bench = side_by_side()
+    bench.ask(write(OTHER, 9000))
+    owe_silence(bench)
+    bench.send(stop_beside(1), transaction_id=8)
+    bench.send(NEXT_STOP_PDU, transaction_id=9)
+    serve_for(bench, 600)
+    assert bench.seen == [NEXT_STOP_PDU, stop_beside(1), NEXT_STOP_PDU]
+    assert [(number, pdu.hex()) for number, _, pdu in bench.port.replies] == [
+        (8, "10050e0002"),
+        (9, "06050f03e8"),
+    ]
+
+
+def test_stops_on_a_busy_line_keep_their_order_whatever_else_they_do() -> None:
+    """M3: a frame that stops x and runs y waits, and a stop of y comes: y is stopped last."""
+    bench = side_by_side()
+    bench.ask(write(OTHER, 9000))
+    bench.seen.clear()
+    bench.send(STRANGE, transaction_id=7)
+    bench.send(stop_beside(1), transaction_id=8)
+    bench.send(NEXT_STOP_PDU, transaction_id=9)
+    bench.serve()
+    assert bench.seen == [STRANGE, stop_beside(1), NEXT_STOP_PDU]
+    assert [number for number, _, _ in bench.port.replies] == [7, 8, 9]
+
+
+def test_an_operator_sets_no_mode_of_another_axis_beside_a_stop_and_takes_nothing_over() -> None:
+    """W10: x's trigger and y's mode register lie side by side. The writer of y goes on: 6000 runs as 6010."""
+    modes = (ModePlan(NEXT_TRIGGER, actions={1: Action.ABSOLUTE, 2: Action.RELATIVE}),)
+    runs = (TriggerPlan(OTHER_TRIGGER, deeds={1: Deed(Action.START), 0: Deed(Action.IGNORE)}),)
+    y = next_plan(motion=MotionPlan(is_staged=True, modes=modes, triggers=runs))
+    bench = StagedBench(staged_plan(), y, serial=False)
+    run_pdu = bytes.fromhex("06 0608 0001")
+    bench.ask(bytes.fromhex("06 050F 0001"))
+    for counts in (1000, 5000):
+        bench.ask(write(OTHER, counts))
+        bench.ask(run_pdu)
+        arrive_next(bench)
+    bench.wait(6000)
+    bench.seen.clear()
+    operator = Port(ControllerPlan("panel", role=Role.OPERATOR))
+    bench.send(stop_beside(2), port=operator)
+    bench.serve()
+    assert bench.seen == []
+    assert [pdu.hex() for _, _, pdu in operator.replies] == ["9001"]
+    bench.ask(write(OTHER, 6000))
+    bench.ask(run_pdu)
+    assert bench.memory.get(OTHER) == 6010
+    assert bench.seen[-1] == run_pdu
+
+
+def test_an_operator_that_stops_one_axis_and_leaves_the_other_alone_takes_nothing_over() -> None:
+    """M3, W10: x is stopped and y's trigger gets 0, while y is held and when it is not any more: its writer
+    may run what it wrote."""
+    bench = side_by_side()
+    bench.ask(write(OTHER, 6000))
+    operator = Port(ControllerPlan("panel", role=Role.OPERATOR))
+    for wait_ms in (0, 6000):
+        bench.wait(wait_ms)
+        bench.seen.clear()
+        bench.send(stop_beside(0), port=operator)
+        bench.serve()
+        assert bench.seen == [stop_beside(0)]
+    bench.ask(bytes.fromhex("06 050F 0001"))
+    assert bench.memory.get(OTHER) == 6010
+    assert bench.seen[-1] == bytes.fromhex("06 050F 0001")

@@ -153,6 +153,11 @@ class Command:
         return self.action is Action.STOP
 
     @property
+    def is_idle(self) -> bool:
+        """Whether it neither moves the axis nor changes a target or what one means."""
+        return self.action is Action.IGNORE and not (self.written or self.writes_mode)
+
+    @property
     def runs_alone(self) -> bool:
         """Whether it runs a target that was written before."""
         return self.action.runs_target and self.number not in self.written
