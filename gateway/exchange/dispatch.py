@@ -11,9 +11,9 @@ from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.fast_path import find_path
 from gateway.exchange.meaning import NO_ACCESS, Frame, Meaning, meanings
 from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
-from gateway.exchange.prerequisites import next_frame
+from gateway.exchange.prerequisites import next_frame, run_beside_stop
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.exchange.request import NOTHING_KNOWN, understand
+from gateway.exchange.request import NOTHING_KNOWN, has_a_stop, understand
 from gateway.exchange.transaction import FastPath, Transaction
 from gateway.exchange.translate import prepare
 from gateway.exchange.unit import UnitMap
@@ -184,11 +184,16 @@ class Units:
             request = understand(frame, known, now_ns, transaction.arrived_ns)
             if frame.access is NO_ACCESS and not request.meanings:
                 continue
+            requests.append(request)
+        has_stop = has_a_stop(requests)
+        for request in requests:
+            if has_stop:
+                run_beside_stop(request)
+                continue
             added = next_frame(request)
             if added is not None:
                 return added, b""
-            requests.append(request)
-        rewritings = tuple([prepare(request) for request in requests])
+        rewritings = tuple([prepare(request, has_stop=has_stop) for request in requests])
         transaction.prepare(rewritings)
         return None, rewritings[0].sent_pdu if len(rewritings) == 1 else transaction.pdu
 

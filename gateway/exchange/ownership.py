@@ -14,7 +14,7 @@ from gateway.exchange.dispatch import Units
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Frame, Meaning, meanings
 from gateway.exchange.ports import ControllerPort
-from gateway.exchange.request import Request, part_of, written_part
+from gateway.exchange.request import Request, has_a_stop, part_of, written_part
 from gateway.exchange.rivals import Rivals
 from gateway.exchange.throttle import Throttle, times
 from gateway.exchange.transaction import Transaction
@@ -83,10 +83,9 @@ class Ownership:
         """Note that a request has left: its writer goes on to hold what it moves."""
         port = transaction.port
         assert port is not None
+        has_stop = has_a_stop([rewriting.request for rewriting in transaction.rewritings])
         for rewriting in transaction.rewritings:
-            found = rewriting.request.meanings
-            has_stop = any(meaning.is_stop for meaning in found)
-            for meaning in found:
+            for meaning in rewriting.request.meanings:
                 _hold_on(meaning.axis, port.writer, now_ns)
                 _note_jog(meaning, port.writer)
                 if has_stop:

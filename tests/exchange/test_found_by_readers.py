@@ -323,3 +323,116 @@ def test_an_operator_that_stops_one_axis_and_leaves_the_other_alone_takes_nothin
     bench.ask(bytes.fromhex("06 050F 0001"))
     assert bench.memory.get(OTHER) == 6010
     assert bench.seen[-1] == bytes.fromhex("06 050F 0001")
+
+
+def test_a_target_that_runs_beside_a_stop_with_words_that_are_not_right_is_flagged() -> None:
+    """M2, M3: 7000 of y was staged as 7010 on its way from 5000 to 10 000. From there it is 6990, but a stop
+    waits for no other frame: y runs 7010 and its branch is flagged, until the next target: 2000 is 1990."""
+    bench = side_by_side()
+    bench.ask(write(OTHER, 10_000))
+    bench.ask(bytes.fromhex("06 050F 0001"))
+    bench.ask(write(OTHER, 7000))
+    before = bench.memory.get(OTHER)
+    arrive_next(bench, 10_010)
+    bench.kinds()
+    bench.seen.clear()
+    assert bench.ask(stop_beside(1)) == stop_beside(1)[:5]
+    assert bench.seen == [stop_beside(1)]
+    assert bench.memory.get(OTHER) == before == 7010
+    y = bench.line.axes[1]
+    assert y.is_unsure
+    assert bench.kinds()[-1] == "direction-unsure"
+    arrive_next(bench)
+    bench.ask(write(OTHER, 2000))
+    bench.ask(bytes.fromhex("06 050F 0001"))
+    assert bench.memory.get(OTHER) == 1990
+    assert not y.is_unsure
+
+
+def test_a_target_that_runs_beside_a_stop_with_the_right_words_is_not_flagged() -> None:
+    """M2, M3: 9000 of y stands in the drive as 9010, for it goes forward: nothing has to be written."""
+    bench = side_by_side()
+    bench.ask(write(OTHER, 9000))
+    bench.seen.clear()
+    bench.ask(stop_beside(1))
+    assert bench.seen == [stop_beside(1)]
+    y = bench.line.axes[1]
+    assert not y.is_unsure
+    arrive_next(bench)
+    assert bench.ask(read(NEXT_ACTUAL)) == b"\x03\x04" + OTHER.pack(9000)
+    bench.ask(write(OTHER, 8000))
+    bench.ask(bytes.fromhex("06 050F 0001"))
+    assert bench.memory.get(OTHER) == 7990
+
+
+def test_a_stop_passes_although_it_runs_another_axis_whose_target_was_refused() -> None:
+    """M3: the drive refused 7000 of y. x is stopped; y runs what it has, is flagged, and stays blocked."""
+    bench = side_by_side()
+    bench.send(write(OTHER, 7000))
+    unit_id, _ = bench.link.sent.pop(0)
+    bench.line.reply(unit_id, bytes.fromhex("90 03"), bench.now_ns)
+    bench.port.replies.clear()
+    bench.seen.clear()
+    assert bench.ask(stop_beside(1)) == stop_beside(1)[:5]
+    assert bench.seen == [stop_beside(1)]
+    assert bench.line.axes[1].is_unsure
+    assert bench.ask(bytes.fromhex("06 050F 0001")) == bytes.fromhex("86 03")
+
+
+def test_a_stop_passes_although_it_runs_another_axis_that_another_controller_holds() -> None:
+    """M3, W10: the second controller's stop of x runs y's 9000, which is right as it stands. It takes nothing
+    over: its own trigger of y is refused, and the first one goes on: 8000 is 7990."""
+    bench = side_by_side()
+    bench.ask(write(OTHER, 9000))
+    bench.seen.clear()
+    other = Port(ControllerPlan("plc"))
+    for pdu, reply in ((stop_beside(1), stop_beside(1)[:5]), (bytes.fromhex("06 050F 0001"), b"\x86\x06")):
+        bench.send(pdu, port=other)
+        bench.serve()
+        assert other.replies[-1][2] == reply
+    assert bench.seen == [stop_beside(1)]
+    arrive_next(bench)
+    bench.ask(write(OTHER, 8000))
+    bench.ask(bytes.fromhex("06 050F 0001"))
+    assert bench.memory.get(OTHER) == 7990
+
+
+def test_what_a_stop_of_another_controller_writes_for_an_axis_that_it_does_not_move_is_not_run() -> None:
+    """M3, W10: x's trigger lies before y's position. The second controller stops x and writes 3000 for y,
+    2990 backward; the trigger of y's writer is refused until it has written its own again."""
+    field = PositionField(NEXT_TRIGGER, RegisterType.INT32, WordOrder.LOW_FIRST)
+    runs = (TriggerPlan(OTHER_TRIGGER, deeds={1: Deed(Action.ABSOLUTE), 0: Deed(Action.IGNORE)}),)
+    y = next_plan(command=(field,), motion=MotionPlan(is_staged=True, triggers=runs))
+    bench = StagedBench(staged_plan(), y, serial=False)
+    run_pdu = bytes.fromhex("06 0608 0001")
+    for counts in (0, 5000):
+        bench.ask(write(field, counts))
+        bench.ask(run_pdu)
+        arrive_next(bench, bench.memory.get(field))
+    bench.ask(write(field, 6000))
+    bench.seen.clear()
+    other = Port(ControllerPlan("plc"))
+    bench.send(bytes.fromhex("10 050E 0003 06 03E8") + field.pack(3000), port=other)
+    bench.serve()
+    assert bench.seen == [bytes.fromhex("10 050E 0003 06 03E8") + field.pack(2990)]
+    assert [pdu.hex() for _, _, pdu in other.replies] == ["10050e0003"]
+    assert bench.ask(run_pdu) == b"\x86\x06"
+    bench.ask(write(field, 6000))
+    assert bench.ask(run_pdu) == run_pdu
+    assert bench.memory.get(field) == 6010
+
+
+def test_a_stop_that_writes_an_impossible_target_of_another_axis_passes_as_it_came() -> None:
+    """M3, M8: y goes to each position at once, and 2147483647 would not fit corrected. x is stopped, y goes
+    there uncorrected and is flagged."""
+    field = PositionField(NEXT_TRIGGER, RegisterType.INT32, WordOrder.LOW_FIRST)
+    y = next_plan(command=(field,), motion=MotionPlan())
+    bench = StagedBench(staged_plan(), y, serial=False)
+    for counts in (0, 5000):
+        bench.ask(write(field, counts))
+        arrive_next(bench, bench.memory.get(field))
+    bench.seen.clear()
+    pdu = bytes.fromhex("10 050E 0003 06 03E8") + field.pack(2_147_483_647)
+    assert bench.ask(pdu) == pdu[:5]
+    assert bench.seen == [pdu]
+    assert bench.line.axes[1].is_unsure

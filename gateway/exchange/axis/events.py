@@ -203,6 +203,7 @@ class AxisRequest:
         "command",
         "epochs",
         "goes_unknown",
+        "is_uncorrected",
         "parts",
         "remaps",
         "runs",
@@ -229,12 +230,23 @@ class AxisRequest:
         """Command fields that were written 1:1 in a way that leaves their content unknown."""
         self.goes_unknown = False
         """The axis goes somewhere nobody knows: a distance passed unchanged."""
+        self.is_uncorrected = False
+        """It goes there beside a stop of another axis, with words that were not corrected for it."""
         self.remaps = False
         """It writes a register that moves other registers about."""
 
     def go_anywhere(self) -> None:
         """Note that nobody knows where the axis goes."""
         self.goes_unknown = True
+
+    def run_uncorrected(self) -> None:
+        """Note that the axis goes somewhere with words that were not corrected for that."""
+        self.goes_unknown = self.is_uncorrected = True
+
+    def forget_targets(self) -> None:
+        """Note that what was rendered is not what goes out."""
+        self.targets.clear()
+        self.stagings.clear()
 
     def remap(self) -> None:
         """Note that it moves registers about."""
