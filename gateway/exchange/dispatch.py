@@ -138,13 +138,13 @@ class Units:
 
     @staticmethod
     def given_targets(frames: Iterable[Frame]) -> list[Axis]:
-        """Return the axes whose targets a request writes."""
+        """Return the axes whose targets a request writes or runs."""
         return [
             meaning.axis
             for frame in frames
             if frame.unit.has_rules
             for meaning in meanings(frame)
-            if meaning.commands
+            if meaning.commands or meaning.action.runs_target
         ]
 
     @staticmethod

@@ -248,6 +248,7 @@ class LineExchange:
         """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3).
 
         So it does with axes whose targets the same frame writes: their triggers were meant for those before.
+        And with those whose targets it runs: it would run the ones before.
         """
         axes = [meaning.axis for meaning in stops]
         axes += self._units.given_targets(self._units.frames_of(stop))

@@ -436,3 +436,33 @@ def test_a_stop_that_writes_an_impossible_target_of_another_axis_passes_as_it_ca
     assert bench.ask(pdu) == pdu[:5]
     assert bench.seen == [pdu]
     assert bench.line.axes[1].is_unsure
+
+
+def test_a_stop_that_runs_another_axis_does_not_leave_its_target_to_be_written_afterwards() -> None:
+    """M3: 9000 of y waits as the frame comes that stops x and runs y. The stop goes first and y runs what it
+    has, 5010; so 9000 is refused, y is flagged, and its next trigger is refused."""
+    bench = side_by_side()
+    bench.seen.clear()
+    bench.send(STRANGE, transaction_id=7)
+    bench.send(write(OTHER, 9000), transaction_id=8)
+    bench.send(stop_beside(1), transaction_id=9)
+    bench.serve()
+    assert bench.seen == [STRANGE, stop_beside(1)]
+    replies = {number: pdu.hex() for number, _, pdu in bench.port.replies}
+    assert (replies[8], replies[9]) == ("9006", "10050e0002")
+    bench.port.replies.clear()
+    assert bench.line.axes[1].is_unsure
+    assert bench.ask(bytes.fromhex("06 050F 0001")) == b"\x86\x06"
+
+
+def test_a_broadcast_that_stops_one_drive_and_runs_a_blocked_one_reaches_both() -> None:
+    """M3: trigger 1000 stops x and runs y, whose target its drive has refused."""
+    runs = (TriggerPlan(TRIGGER, deeds={STOP: Deed(Action.ABSOLUTE), 0: Deed(Action.IGNORE)}),)
+    y = next_plan(unit_id=2, motion=MotionPlan(is_staged=True, triggers=runs))
+    bench = StagedBench(staged_plan(), y)
+    bench.send(write(OTHER, 7000), unit_id=2)
+    unit_id, _ = bench.link.sent.pop(0)
+    bench.line.reply(unit_id, bytes.fromhex("90 03"), bench.now_ns)
+    bench.send(STOP_PDU, unit_id=0)
+    assert bench.link.sent == [(0, STOP_PDU)]
+    assert bench.line.axes[1].is_unsure
