@@ -255,6 +255,10 @@ class AxisCompensation:
             self._end_run()
         self._accepted = None
 
+    def doubt(self) -> None:
+        """The branch in force is only assumed from now on."""
+        self._state = self.state._replace(is_unsure=True)
+
     @property
     def is_seen(self) -> bool:
         """Whether an actual position has come since the last target was accepted."""

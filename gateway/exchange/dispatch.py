@@ -11,9 +11,9 @@ from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.fast_path import find_path
 from gateway.exchange.meaning import NO_ACCESS, Frame, Meaning, meanings
 from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
-from gateway.exchange.prerequisites import next_frame
+from gateway.exchange.prerequisites import next_frame, run_beside_stop
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.exchange.request import NOTHING_KNOWN, understand
+from gateway.exchange.request import NOTHING_KNOWN, has_a_stop, understand
 from gateway.exchange.transaction import FastPath, Transaction
 from gateway.exchange.translate import prepare
 from gateway.exchange.unit import UnitMap
@@ -138,20 +138,28 @@ class Units:
 
     @staticmethod
     def given_targets(frames: Iterable[Frame]) -> list[Axis]:
-        """Return the axes whose targets a request writes."""
+        """Return the axes whose targets a request writes or runs."""
         return [
             meaning.axis
             for frame in frames
             if frame.unit.has_rules
             for meaning in meanings(frame)
-            if meaning.commands
+            if meaning.commands or meaning.action.runs_target
         ]
 
     @staticmethod
     def only_stops(frames: Iterable[Frame]) -> bool:
-        """Whether a request does nothing to any axis but stop it."""
-        found = [meaning for frame in frames for meaning in meanings(frame)]
-        return all(m.is_stop or (m.action is Action.IGNORE and not m.commands) for m in found)
+        """Whether a request does nothing to any axis but stop it, whenever it is sent and however often."""
+        for frame in frames:
+            # A bit that is set now may have been cleared before it leaves, or before it leaves once more.
+            found = {meaning.axis.plan.name: meaning for meaning in meanings(frame, may_have_risen=True)}
+            for own in frame.by_axis:
+                meaning = found.get(own.axis.plan.name)
+                if not (meaning is not None and meaning.is_stop) and (
+                    own.fields or (meaning is not None and not meaning.is_idle)
+                ):
+                    return False
+        return True
 
     def next_to_send(self, transaction: Transaction, now_ns: int) -> tuple[AddedFrame | None, bytes]:
         """Return what goes out next for a transaction: a frame that it needs first, or its own request.
@@ -176,11 +184,16 @@ class Units:
             request = understand(frame, known, now_ns, transaction.arrived_ns)
             if frame.access is NO_ACCESS and not request.meanings:
                 continue
+            requests.append(request)
+        has_stop = has_a_stop(requests)
+        for request in requests:
+            if has_stop:
+                run_beside_stop(request)
+                continue
             added = next_frame(request)
             if added is not None:
                 return added, b""
-            requests.append(request)
-        rewritings = tuple([prepare(request) for request in requests])
+        rewritings = tuple([prepare(request, has_stop=has_stop) for request in requests])
         transaction.prepare(rewritings)
         return None, rewritings[0].sent_pdu if len(rewritings) == 1 else transaction.pdu
 
@@ -191,12 +204,17 @@ def _partners(axes: Sequence[Axis]) -> tuple[int, ...]:
 
 def is_acting_on(units: Units, transaction: Transaction, axes: Sequence[Axis]) -> bool:
     """Whether a request, which is no stop, would move one of these axes or give it a target."""
-    if transaction.is_stop or transaction.port is None:
+    return not transaction.is_stop and moves_one_of(units, transaction, axes)
+
+
+def moves_one_of(units: Units, transaction: Transaction, axes: Sequence[Axis]) -> bool:
+    """Whether a request would move one of these axes or give it a target, whatever else it stops."""
+    if transaction.port is None:
         return False
     for frame in units.frames_of(transaction):
         # A bit that is set now may have been cleared by a request that waits before this one.
         for meaning in meanings(frame, may_have_risen=True):
             acts = bool(meaning.commands) or meaning.action is not Action.IGNORE
-            if acts and meaning.axis in axes:
+            if acts and not (transaction.is_stop and meaning.is_stop) and meaning.axis in axes:
                 return True
     return False

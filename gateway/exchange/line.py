@@ -33,7 +33,7 @@ from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import Control, ControlError, EndDryRun, SetLimits, carry_out
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.deadlines import Deadlines
-from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on
+from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on, moves_one_of
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.meter import LineMeter
@@ -248,6 +248,7 @@ class LineExchange:
         """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3).
 
         So it does with axes whose targets the same frame writes: their triggers were meant for those before.
+        And with those whose targets it runs: it would run the ones before.
         """
         axes = [meaning.axis for meaning in stops]
         axes += self._units.given_targets(self._units.frames_of(stop))
@@ -257,7 +258,7 @@ class LineExchange:
         current = self._current
         if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
             current.overtake(reason)
-        stop.become_stop()
+        stop.become_stop(only_stops=self._units.only_stops(self._units.frames_of(stop)))
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             busy = ExceptionCode.SERVER_DEVICE_BUSY
             self._refuse(stop, busy, now_ns, is_lost=False)
@@ -405,8 +406,15 @@ class LineExchange:
         return code
 
     def _is_answer(self, stop: Transaction, reply: bytes, now_ns: int) -> bool:
-        """Whether a reply to a stop that left early is its own: a late one may come in its place."""
+        """Whether a reply to a stop that left early ends it: a late one may come in its place.
+
+        What waited for the silence before it came may move its axis yet: then it goes once more behind that.
+        """
         unit_id, pdu = stop.unit_id, stop.pdu
+        axes = [meaning.axis for meaning in self._units.stops_of(self._units.frames_of(stop))]
+        for each in self._waiting.stops:
+            if each.stopping is Stopping.ONCE and moves_one_of(self._units, each, axes):
+                return False
         if pdu[0] in FULL_ECHOES:
             return reply == pdu
         # Of several registers only their addresses come back, as they do for any other write there.
@@ -558,10 +566,10 @@ class LineExchange:
         if transaction.is_stop:
             rests_until_ns = self.rest.until_ns
             from_ns = self._stop_from_ns(transaction)
-            is_again = transaction.stopping is Stopping.AGAIN
-            if rests_until_ns is not None and (is_again or self.rest.is_turning):
+            is_late = transaction.waits_for_silence
+            if rests_until_ns is not None and (is_late or self.rest.is_turning):
                 from_ns = max(from_ns, rests_until_ns)
-            if is_again:
+            if is_late:
                 from_ns = max(from_ns, self.answers.free_ns(unit_id, now_ns, is_read=False))
             return from_ns
         if transaction.is_denied or transaction.why_given_up(now_ns):
@@ -650,7 +658,7 @@ class LineExchange:
 
     def _is_early(self, stop: Transaction, now_ns: int) -> bool:
         """Whether a late frame may come in the place of the reply to a stop, or meet it on the wire."""
-        if stop.stopping is Stopping.AGAIN or not self._link.is_serial:
+        if stop.waits_for_silence or not self._link.is_serial:
             return False
         return self.rest.is_draining or self.answers.free_ns(stop.unit_id, now_ns, is_read=False) > now_ns
 
@@ -675,7 +683,7 @@ class LineExchange:
         Where that has given up on it and the same stop waits already, that one is the next.
         """
         if not (stop.is_orphan and any(each.is_same_stop(stop) for each in self._waiting)):
-            self._waiting.put_back(stop.once_more())
+            self._waiting.add_again(stop.once_more())
         self._ends.finish(stop, Outcome.NO_REPLY, now_ns, code=NO_RESPONSE)
 
     def _start(self, transaction: Transaction, now_ns: int) -> None:
@@ -772,7 +780,7 @@ class LineExchange:
         self.rest.turn_around(now_ns)
         self._gaps.ended(transaction, now_ns, self.rest.until_ns)
         if transaction.stopping is Stopping.EARLY:
-            self._waiting.put_back(transaction.once_more())
+            self._waiting.add_again(transaction.once_more())
         self._ends.finish(transaction, Outcome.BROADCAST, now_ns)
         self._report(self.axes)
 

@@ -14,7 +14,7 @@ from gateway.exchange.dispatch import Units
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Frame, Meaning, meanings
 from gateway.exchange.ports import ControllerPort
-from gateway.exchange.request import Request, part_of, written_part
+from gateway.exchange.request import Request, has_a_stop, part_of, written_part
 from gateway.exchange.rivals import Rivals
 from gateway.exchange.throttle import Throttle, times
 from gateway.exchange.transaction import Transaction
@@ -83,11 +83,12 @@ class Ownership:
         """Note that a request has left: its writer goes on to hold what it moves."""
         port = transaction.port
         assert port is not None
+        has_stop = has_a_stop([rewriting.request for rewriting in transaction.rewritings])
         for rewriting in transaction.rewritings:
             for meaning in rewriting.request.meanings:
                 _hold_on(meaning.axis, port.writer, now_ns)
                 _note_jog(meaning, port.writer)
-                if meaning.is_stop:
+                if has_stop:
                     _note_beside_stop(meaning, rewriting.request, port)
             for axis, written in rewriting.written:
                 if written.parts:
@@ -120,6 +121,8 @@ class Ownership:
         if transaction.pdu[0] in MONITOR_FUNCTIONS:
             return True
         wanted = self._wanted(transaction)
+        if self._units.stops_of(self._units.frames_of(transaction)):
+            wanted = [each for each in wanted if self._is_free(*each, port.writer, now_ns)]
         for axis, meaning in wanted:
             for member in (axis, *axis.peers):
                 hold = member.hold
@@ -137,6 +140,15 @@ class Ownership:
             if meaning is not None and meaning.commands:
                 axis.hold.overwrite("")
         return True
+
+    @staticmethod
+    def _is_free(axis: Axis, meaning: Meaning | None, writer: str, now_ns: int) -> bool:
+        """Whether what a stop of another axis does beside it may take an axis over; it passes in any case."""
+        if meaning is not None and meaning.is_idle:
+            return False
+        members = (axis, *axis.peers)
+        is_barred = any(member.hold.is_barred(writer, now_ns) for member in members)
+        return not is_barred and not _runs_of_another(axis, meaning, writer)
 
     def _wanted(self, transaction: Transaction) -> list[tuple[Axis, Meaning | None]]:
         """Return the axes that a request would move or prepare to move; not those that it stops.
@@ -227,22 +239,24 @@ def _note_jog(meaning: Meaning, writer: str) -> None:
 
 def _lets_go(meaning: Meaning, writer: str) -> bool:
     """Whether a request of whoever jogged an axis starts nothing: it may end the jog."""
-    is_idle = meaning.action is Action.IGNORE and not (meaning.commands or meaning.writes_mode)
-    return is_idle and meaning.axis.hold.jogged_by == writer
+    return meaning.is_idle and meaning.axis.hold.jogged_by == writer
 
 
-def _note_beside_stop(stop: Meaning, request: Request, port: ControllerPort) -> None:
-    """A stop of somebody who does not move the axis changed more: its writer has to write that again (M3)."""
-    axis, hold = stop.axis, stop.axis.hold
+def _note_beside_stop(meaning: Meaning, request: Request, port: ControllerPort) -> None:
+    """A stop of somebody who does not move the axis changed more: its writer has to write that again (M3).
+
+    So it is where another axis is stopped in the same frame: for the sake of that it has passed.
+    """
+    axis, hold = meaning.axis, meaning.axis.hold
     is_writer = hold.is_shared or hold.writer in ("", port.writer)
     if is_writer and port.is_motion:
-        if stop.commands:
+        if meaning.commands:
             hold.overwrite("")
         return
-    for address in stop.modes_written:
-        if address in stop.unclear_words or stop.words[address] != axis.rules.word(address):
+    for address in meaning.modes_written:
+        if address in meaning.unclear_words or meaning.words[address] != axis.rules.word(address):
             axis.lose_mode(address, _BUSY)
-    changed = [hit.place.number for hit in stop.commands if _is_changed(hit, request)]
+    changed = [hit.place.number for hit in meaning.commands if _is_changed(hit, request)]
     axis.overwrite(changed, port.writer, _BUSY)
 
 

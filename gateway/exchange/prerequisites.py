@@ -41,8 +41,6 @@ def next_frame(request: Request) -> AddedFrame | None:
     Raises:
         RefusedRequestError: the request must not reach the drive.
     """
-    if any(meaning.is_stop for meaning in request.meanings):
-        return None  # a stop waits for nothing
     access = request.frame.access
     added = _reference_read(request) if request.frame.unit.asks_for_bits else None
     if added is not None:
@@ -63,6 +61,25 @@ def next_frame(request: Request) -> AddedFrame | None:
         if added is not None:
             return added
     return None
+
+
+def run_beside_stop(request: Request) -> None:
+    """Find out which targets run as they ought to in a frame that stops another axis: it waits for nothing.
+
+    Those for which something would have to be read or written first, or that would be refused, run with the
+    words that the drive has (M3).
+    """
+    for meaning in request.meanings:
+        if not meaning.runs_alone:
+            continue
+        try:
+            added = _prepare_run(request, meaning)
+        except RefusedRequestError:
+            added, is_right = None, False
+        else:
+            is_right = added is None
+        if not is_right:
+            request.known.runs.pop(meaning.axis.plan.name, None)
 
 
 def _reference_read(request: Request) -> AddedFrame | None:

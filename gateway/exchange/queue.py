@@ -99,18 +99,19 @@ class WaitingQueue:
         port = stop.port
         if port is not None and self.is_full(port) and any(each.is_same_stop(stop) for each in self):
             return False
+        self.add_again(stop)
+        return True
+
+    def add_again(self, stop: Transaction) -> None:
+        """Queue a stop in front of everything, behind those that wait."""
         self._stops.append(stop)
         self._came(stop)
-        return True
 
     def put_back(self, transaction: Transaction) -> None:
         """Queue a transaction before those of its rank: it was its turn already."""
         is_motion = transaction.port is not None and transaction.port.is_motion
         self._came(transaction)
-        if transaction.is_stop:
-            self._stops.appendleft(transaction)
-        else:
-            (self._motion if is_motion else self._others).appendleft(transaction)
+        (self._motion if is_motion else self._others).appendleft(transaction)
 
     def pop(self) -> Transaction:
         """Take the next one."""

@@ -8,6 +8,7 @@ A :class:`Rewriting` is made when a request is about to be sent and holds the st
 that were rendered, the readback maps then in force, and what the controller really asked for.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final, NamedTuple
@@ -111,6 +112,11 @@ class Request(NamedTuple):
     now_ns: int
     arrived_ns: int
     """When it came from its controller; no two requests of a line came at the same instant."""
+
+
+def has_a_stop(requests: Sequence[Request]) -> bool:
+    """Whether a request stops any axis of the units that it reaches: then all of it passes (M3)."""
+    return any(meaning.is_stop for request in requests for meaning in request.meanings)
 
 
 def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int) -> Request:

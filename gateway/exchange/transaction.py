@@ -81,13 +81,16 @@ class Stopping(Enum):
     """It left although a late frame might come: only its exact echo is an answer."""
     AGAIN = "again"
     """Sent early before and not answered: it goes once more, when no late frame can come."""
+    ONCE = "once"
+    """It does more than stop, which must not be done twice: it goes first, when no late frame can come."""
 
 
 STOP_AFTER: Final = {
-    Stopping.NO: frozenset({Stopping.FIRST}),
+    Stopping.NO: frozenset({Stopping.FIRST, Stopping.ONCE}),
     Stopping.FIRST: frozenset({Stopping.EARLY, Stopping.AGAIN}),
     Stopping.EARLY: frozenset(),
     Stopping.AGAIN: frozenset({Stopping.AGAIN}),
+    Stopping.ONCE: frozenset(),
 }
 """Where each may lead. What follows one that was sent early is another transaction."""
 
@@ -234,9 +237,12 @@ class Transaction:
             self.known = Known()
         return self.known
 
-    def become_stop(self) -> None:
-        """Note that it stops an axis: it goes before everything else, and is never given up."""
-        self._stop_goes_on(Stopping.FIRST)
+    def become_stop(self, *, only_stops: bool = True) -> None:
+        """Note that it stops an axis: it goes before everything else, and is never given up.
+
+        ``only_stops``: it does nothing else, and may leave twice.
+        """
+        self._stop_goes_on(Stopping.FIRST if only_stops else Stopping.ONCE)
 
     def deny(self) -> None:
         """Note that it has no room, and is refused in its turn."""
@@ -248,7 +254,7 @@ class Transaction:
 
     def become_again(self, before: "Transaction") -> None:
         """Take the place of the same stop, which may have been sent early and not answered."""
-        if before.stopping is Stopping.AGAIN:
+        if before.stopping is Stopping.AGAIN and self.stopping is not Stopping.ONCE:
             self._stop_goes_on(Stopping.AGAIN)
 
     def once_more(self) -> "Transaction":
@@ -259,6 +265,11 @@ class Transaction:
         if self.is_orphan:
             again.give_up()
         return again
+
+    @property
+    def waits_for_silence(self) -> bool:
+        """Whether it is a stop that leaves only when no late frame can come."""
+        return self.stopping is Stopping.AGAIN or self.stopping is Stopping.ONCE
 
     def rendering(self) -> Rendering:
         """Return the target that it carries on the fast path: always the same object."""

@@ -59,8 +59,11 @@ READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRE
 # --- what is sent ------------------------------------------------------------------------------------------
 
 
-def prepare(request: Request) -> Rewriting:
+def prepare(request: Request, *, has_stop: bool = False) -> Rewriting:
     """Work out what is sent for a request.
+
+    ``has_stop``: its frame stops an axis, of this unit or another one, and passes whatever else it does (M3).
+    A target that is not corrected for its run is flagged then.
 
     Of an axis that is brought up to date which its reply decides nothing of: terms that are due, and the
     offset with which a stream begins. The rest is done as the request leaves and as it ends.
@@ -71,10 +74,13 @@ def prepare(request: Request) -> Rewriting:
     access = request.frame.access
     rewriting = Rewriting(request, request.frame.pdu)
     for meaning in request.meanings:
-        check_may_act(meaning)
-        rewriting.of(meaning.axis)
+        if not has_stop:
+            check_may_act(meaning)
+        written = rewriting.of(meaning.axis)
+        if has_stop and meaning.runs_alone and meaning.axis.plan.name not in request.known.runs:
+            written.run_uncorrected()
     if access.write_quantity:
-        _prepare_write(rewriting)
+        _prepare_write(rewriting, has_stop=has_stop)
     for name, run in request.known.runs.items():
         if name in rewriting.by_axis:
             rewriting.by_axis[name].runs.append(run)
@@ -87,8 +93,8 @@ def prepare(request: Request) -> Rewriting:
     return rewriting
 
 
-def _prepare_write(rewriting: Rewriting) -> None:
-    """Render what a request writes; refuse what it must not."""
+def _prepare_write(rewriting: Rewriting, *, has_stop: bool) -> None:
+    """Render what a request writes; refuse what it must not, unless it stops an axis."""
     request, frame, access = rewriting.request, rewriting.request.frame, rewriting.access
     stopped = [meaning.axis for meaning in request.meanings if meaning.is_stop]
     changed: list[tuple[FieldHit, bytes]] = []
@@ -101,11 +107,13 @@ def _prepare_write(rewriting: Rewriting) -> None:
                 for each in frame.unit.axes:
                     rewriting.of(each).remap()
             elif role is not FieldRole.COMMAND and axis not in stopped and not axis.passes_unchanged:
-                if role is FieldRole.LIMIT:
-                    changed.append((hit, _stage_limit(hit, rewriting)))
-                elif not (role is FieldRole.ACTUAL and hit.place.number in axis.plan.settable):
-                    _refuse_guarded(hit)
-    if not (frame.is_clear or stopped) and any(not axis.passes_unchanged for axis in frame.unit.axes):
+                try:
+                    changed += _prepare_other(rewriting, hit)
+                except RefusedRequestError:
+                    if not has_stop:
+                        raise
+                    _pass_blindly(rewriting, hit)
+    if not (frame.is_clear or has_stop) and any(not axis.passes_unchanged for axis in frame.unit.axes):
         raise RefusedRequestError(
             ExceptionCode.ILLEGAL_DATA_ADDRESS,
             frame.unit.axes[0].plan.name,
@@ -119,12 +127,51 @@ def _prepare_write(rewriting: Rewriting) -> None:
         try:
             changed += _prepare_commands(rewriting, write)
         except RefusedRequestError:
-            if not stopped:
+            if not has_stop:
                 raise
-            for hit, words, _ in write.fields:  # another axis is stopped in the same frame: it must pass
-                _pass_raw(rewriting, hit, words)
+            _pass_targets(rewriting, write)
     if changed:
-        rewriting.send_instead(_written_pdu(frame.pdu, access, changed))
+        _send_rendered(rewriting, changed, has_stop=has_stop)
+
+
+def _send_rendered(rewriting: Rewriting, changed: list[tuple[FieldHit, bytes]], *, has_stop: bool) -> None:
+    """Send the rendered words; beside a stop all as it came, where there is no room for whole positions."""
+    try:
+        rewriting.send_instead(_written_pdu(rewriting.request.frame.pdu, rewriting.access, changed))
+    except RefusedRequestError:
+        if not has_stop:
+            raise
+        for hit, _ in changed:
+            _pass_blindly(rewriting, hit)
+
+
+def _prepare_other(rewriting: Rewriting, hit: FieldHit) -> list[tuple[FieldHit, bytes]]:
+    """Render a limit, or refuse to write a position around the correction; return what goes out changed."""
+    place = hit.place
+    if place.role is FieldRole.LIMIT:
+        return [(hit, _stage_limit(hit, rewriting))]
+    if not (place.role is FieldRole.ACTUAL and place.number in place.axis.plan.settable):
+        _refuse_guarded(hit)
+    return []
+
+
+def _pass_blindly(rewriting: Rewriting, hit: FieldHit) -> None:
+    """Let a field go out as it came beside a stop: nobody knows what that makes of its axis (M3)."""
+    written, image = rewriting.of(hit.place.axis), hit.place.image
+    written.forget_targets()
+    written.run_uncorrected()
+    if image is not None:
+        written.blind.append(image)
+
+
+def _pass_targets(rewriting: Rewriting, write: AxisWrite) -> None:
+    """Let the targets of an axis go out as they came beside a stop of another one (M3)."""
+    written = rewriting.of(write.axis)
+    written.forget_targets()
+    for hit, words, is_run in write.fields:
+        _pass_raw(rewriting, hit, words)
+        if is_run:
+            written.run_uncorrected()
 
 
 def _check_counts(hit: FieldHit, access: Access) -> None:

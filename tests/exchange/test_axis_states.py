@@ -548,6 +548,9 @@ def test_only_what_left_can_be_answered_and_only_what_did_not_can_be_withdrawn(
         ("again", "become_stop", None),
         ("again", "leave_early", None),
         ("again", "become_again", "again"),
+        ("once", "become_stop", None),
+        ("once", "leave_early", None),
+        ("once", "become_again", "once"),
     ],
 )
 def test_a_stop_leaves_early_once_and_once_more_at_most(stopping: str, step: str, after: str | None) -> None:
@@ -557,7 +560,7 @@ def test_a_stop_leaves_early_once_and_once_more_at_most(stopping: str, step: str
     assert again.stopping is Stopping.AGAIN
     stop = a_transaction(Phase.WAITING)
     if stopping != "no":
-        stop.become_stop()
+        stop.become_stop(only_stops=stopping != "once")
     if stopping == "early":
         stop.leave_early()
     elif stopping == "again":

@@ -433,6 +433,13 @@ class Ledger:
             return False
         if frame.request is None and request in frame.candidates:
             self._resolve(request, frame)
+        other = frame.request
+        if other is not None and other.goes_again and other is not request:
+            # The same stop, asked for later, may go before the one that goes once more.
+            pending = request.controller.pending
+            if request in pending and (request.unit, request.pdu) == (other.unit, other.pdu):
+                other.controller.pending.insert(0, other)
+                self._resolve(request, frame)
         return frame.request is request
 
     def _refused(self, request: Request, pdu: bytes) -> None:

@@ -157,6 +157,11 @@ class Command:
         return self.action is Action.STOP
 
     @property
+    def is_idle(self) -> bool:
+        """Whether it neither moves the axis nor changes a target or what one means."""
+        return self.action is Action.IGNORE and not (self.written or self.writes_mode)
+
+    @property
     def runs_alone(self) -> bool:
         """Whether it runs a target that was written before."""
         return self.action.runs_target and self.number not in self.written
@@ -202,6 +207,7 @@ class AxisRequest:
         "command",
         "epochs",
         "goes_unknown",
+        "is_uncorrected",
         "parts",
         "remaps",
         "runs",
@@ -228,12 +234,23 @@ class AxisRequest:
         """Command fields that were written 1:1 in a way that leaves their content unknown."""
         self.goes_unknown = False
         """The axis goes somewhere nobody knows: a distance passed unchanged."""
+        self.is_uncorrected = False
+        """It goes there beside a stop of another axis, with words that were not corrected for it."""
         self.remaps = False
         """It writes a register that moves other registers about."""
 
     def go_anywhere(self) -> None:
         """Note that nobody knows where the axis goes."""
         self.goes_unknown = True
+
+    def run_uncorrected(self) -> None:
+        """Note that the axis goes somewhere with words that were not corrected for that."""
+        self.goes_unknown = self.is_uncorrected = True
+
+    def forget_targets(self) -> None:
+        """Note that what was rendered is not what goes out."""
+        self.targets.clear()
+        self.stagings.clear()
 
     def remap(self) -> None:
         """Note that it moves registers about."""

@@ -794,7 +794,7 @@ class Axis(AxisState):
             self.tell_beginning()
         self._write_blindly(request, now_ns)
         if request.goes_unknown:
-            self.displace(now_ns)
+            self._go_unknown(request, now_ns)
         command = request.command
         if command is None:
             return
@@ -841,7 +841,7 @@ class Axis(AxisState):
             image.forget()
         self._write_blindly(request, now_ns)
         if request.goes_unknown and not is_undone:
-            self.displace(now_ns)
+            self._go_unknown(request, now_ns)
         command = request.command
         if command is None:
             return
@@ -856,6 +856,12 @@ class Axis(AxisState):
                 self.displace(now_ns)
         if not (is_broadcast or (self.passes_unchanged and is_refusal)):
             self._block_for(command, code)
+
+    def _go_unknown(self, request: AxisRequest, now_ns: int) -> None:
+        """Nobody knows where the axis goes; flag its branch where its words were not corrected for that."""
+        self.displace(now_ns)
+        if request.is_uncorrected and not self.passes_unchanged:
+            self.compensation.doubt()
 
     def _write_blindly(self, request: AxisRequest, now_ns: int) -> None:
         """Nobody knows what command fields hold that were written, nor where the axis goes with them."""
