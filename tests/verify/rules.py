@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gateway.exchange.events import EventKind
 from gateway.exchange.plan import Late, Role
-from gateway.exchange.transaction import Phase
+from gateway.exchange.transaction import Phase, Stopping
 from gateway.modbus.pdu import is_exception
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, write
@@ -101,12 +101,17 @@ def masked(word: bytes, pdu: bytes) -> bytes:
 # --- frames that leave --------------------------------------------------------------------------------
 
 
-def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
-    """Find out why a frame has left (2). Raises BrokenRuleError."""
+def judge_frame(world: "World", unit_id: int, pdu: bytes, stopping: Stopping = Stopping.NO) -> "Wire":
+    """Find out why a frame has left (2). Raises BrokenRuleError.
+
+    ``stopping``: of the same stop, asked for twice, one may go once more and the other for the first time.
+    """
     from tests.verify.world import Wire
 
     state = world.state
     number = facts.number_of(world, unit_id)
+    asked_for = [each for own in state.asked for each in own if each.pdu == pdu and not each.is_sent]
+    twice = len({each.goes_again for each in asked_for}) > 1
     firsts = dict.fromkeys(Role, True)  # all but stops leave in the order in which they came, by role
     plans = world.design.controllers
     for port, transaction_id in sorted(state.order, key=lambda each: plans[each[0]].role is Role.MONITOR):
@@ -118,6 +123,8 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes) -> "Wire":
         if request.is_sent or has_none or not (is_stopping or firsts[plan.role]):
             continue
         firsts[plan.role] &= is_stopping
+        if is_stopping and request.goes_again is not (stopping is Stopping.AGAIN) and twice:
+            continue
         if request.axis == number and _is_frame_of(pdu, request.pdu):
             return _sent(world, port, request, unit_id, pdu)
     if is_stop(pdu) and state.owed_stops:
@@ -928,7 +935,8 @@ def owe_early_stop(world: "World", wire: "Wire") -> None:
         world.state = world.state._replace(owed_stops=min(world.state.owed_stops + 1, 2))
         return
     asked = list(world.state.asked)
-    asked[wire.owner] = tuple(a._replace(is_sent=False) if a is request else a for a in asked[wire.owner])
+    again = request._replace(is_sent=False, goes_again=True)
+    asked[wire.owner] = tuple(again if each is request else each for each in asked[wire.owner])
     world.state = world.state._replace(asked=tuple(asked))
 
 

@@ -667,10 +667,10 @@ def is_resting(line: LineExchange, now_ns: int) -> bool:
     return line.rest.until_ns is not None or line.answers.owes(now_ns)
 
 
-def is_sent_early(line: LineExchange) -> bool:
-    """Whether the frame on the wire is a stop that left although a late reply may come."""
+def stopping_of(line: LineExchange) -> Stopping:
+    """Return how often the frame on the wire leaves for a stop, and whether a late reply may come."""
     current = getattr(line, "_current", None)
-    return current is not None and current.stopping is Stopping.EARLY
+    return Stopping.NO if current is None else current.stopping
 
 
 class OnItsWay(NamedTuple):

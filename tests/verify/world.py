@@ -17,6 +17,7 @@ from gateway.exchange.gate import UNSEEN
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
 from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.exchange.transaction import Stopping
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, write
@@ -50,10 +51,10 @@ from tests.verify.snapshot import (
     Snapshot,
     is_resting,
     is_sending_unsure,
-    is_sent_early,
     on_its_way,
     refused,
     said,
+    stopping_of,
     watch_stores,
 )
 
@@ -204,6 +205,8 @@ class Asked(NamedTuple):
     """The bit on which its reference hangs was read for it."""
     axis: int = 0
     is_broadcast: bool = False
+    goes_again: bool = False
+    """A stop that left early and was not answered."""
 
 
 class Belief(NamedTuple):
@@ -1271,8 +1274,9 @@ class World:
         for unit_id, pdu in frames:
             if self.state.wire is not None:
                 raise BrokenRuleError("two frames on the wire at once (W6)")
-            is_early = rules.is_stop(pdu) and is_sent_early(self.sides[0].line)
-            wire = rules.judge_frame(self, unit_id, pdu)._replace(sent_ns=self.now_ns, is_early=is_early)
+            stopping = stopping_of(self.sides[0].line) if rules.is_stop(pdu) else Stopping.NO
+            wire = rules.judge_frame(self, unit_id, pdu, stopping)
+            wire = wire._replace(sent_ns=self.now_ns, is_early=stopping is Stopping.EARLY)
             if unit_id == BROADCAST_UNIT_ID:
                 facts.left(self, wire)
                 self._obey(wire)
