@@ -7,8 +7,8 @@ counts 1000 per mm on the table ``tests.verify.screw.WORN``.
 from dataclasses import replace
 
 from gateway.drives.motion import Action, ModePlan, MotionPlan
-from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, Bench, axis_plan, write
-from tests.exchange.staged_bench import COMMANDED, MODE
+from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, Bench, axis_plan, read, write
+from tests.exchange.staged_bench import COMMANDED, JOG_PDU, MODE, RUN_PDU, StagedBench, staged_plan
 from tests.verify.designs import BY_NAME
 from tests.verify.explore import play, replay
 from tests.verify.screw import WORN
@@ -426,3 +426,27 @@ def test_the_words_of_a_distance_are_no_place_when_the_same_words_come_as_an_abs
     bench.wait(MOVE_MS)
     bench.ask(write(COMMAND, 3000))
     assert bench.seen[-1] == write(COMMAND, 2863)
+
+
+def test_a_target_that_could_not_be_written_anew_reads_back_as_it_was_written() -> None:
+    """M1: 5000 is staged forward, 5010. Jogged to 9000 it is backward, 4990: the drive refuses that. Its
+    register holds 5010, or 4990 should the refusal lie; both are the 5000 that the controller wrote."""
+    bench = StagedBench(staged_plan(), serial=False)
+    bench.go_to(0)
+    bench.stage(5000)
+    assert bench.memory.get(COMMAND) == 5010
+    bench.ask(JOG_PDU)
+    for place in (ACTUAL, COMMANDED):
+        bench.memory.put(place, 9000)
+    bench.drive.set_bits(is_done=True)
+    bench.wait(1200)
+    bench.send(RUN_PDU)
+    while bench.link.sent:
+        unit_id, pdu = bench.link.sent.pop(0)
+        reply = bytes.fromhex("90 04") if pdu[0] == 16 else bench.memory.answer(pdu)
+        bench.line.reply(unit_id, reply, bench.now_ns)
+    assert pdu == write(COMMAND, 4990)
+    assert bench.port.take() == bytes.fromhex("86 04")
+    for held in (5010, 4990):
+        bench.memory.put(COMMAND, held)
+        assert bench.ask(read(COMMAND)) == b"\x03\x04" + COMMAND.pack(5000)

@@ -40,6 +40,7 @@ class FieldImage:
 
     __slots__ = (
         "_all_words",
+        "_either",
         "_lost_ns",
         "_missing",
         "_parts",
@@ -65,6 +66,8 @@ class FieldImage:
         self._since_ns = 0
         self._restaged: dict[int, bytes] = {}
         """Words that were written anew one by one while ``corrected_words`` is not known, by their number."""
+        self._either: tuple[bytes | None, ...] = ()
+        """Words of which the drive holds one or the other, where a target was written anew in vain."""
         self._lost_ns = 0
         """When the newest write that was lost had come."""
         self.may_be_corrected = False
@@ -87,6 +90,7 @@ class FieldImage:
         """
         self.nominal_words = nominal_words
         self.corrected_words = corrected_words
+        self._either = ()
         if self._restaged:
             self._restaged.clear()
         self.may_be_corrected = corrected_words != nominal_words
@@ -105,7 +109,19 @@ class FieldImage:
     def doubt(self) -> None:
         """The drive may hold another target than it was told; what the controller believes stays."""
         self.corrected_words = None
+        self._either = ()
         self._restaged.clear()
+
+    def doubt_restaged(self, corrected_words: bytes) -> None:
+        """A target was written anew, and not acknowledged: the drive holds it so, or as before."""
+        either = (self.corrected_words, corrected_words)
+        self.doubt()
+        self._either = either
+
+    def means(self, words: bytes) -> bytes | None:
+        """Return what the controller wrote, where words that were read stand for that; else None."""
+        is_known = words == self.corrected_words or words in self._either
+        return self.nominal_words if is_known else None
 
     def holds(self, first: int, words: bytes) -> bool:
         """Whether the drive is known to hold these words from word ``first`` on."""

@@ -990,7 +990,7 @@ class Axis(AxisState):
         """A staged target that was written anew was not acknowledged."""
         image = self.fields[rendering.number]
         image.leave(rendering.nominal_words, rendering.corrected_words)
-        image.doubt()
+        image.doubt_restaged(rendering.corrected_words)
         image.tear()
         self.block_triggers(code, why)
 
@@ -1210,9 +1210,7 @@ class Axis(AxisState):
             and not self.plan.motion.waits_for_trigger
         ):
             self.acknowledge(unproven, self.heard_ns)
-        if image.nominal_words is not None and image.corrected_words == words:
-            return image.nominal_words
-        return self.nominal_words(field_, words, readback)
+        return image.means(words) or self.nominal_words(field_, words, readback)
 
     # --- its record ------------------------------------------------------------------------------------
 
