@@ -245,10 +245,11 @@ class _Reading:
             elif trigger.address in self.unclear:
                 word, certain = self.certain_bits.get(trigger.address, (0, 0))
                 is_certain = not (trigger.mask | trigger.rising) & ~certain
-                if trigger.stops_surely(word, certain):
-                    deeds.append(Deed(Action.STOP))
+                if is_certain:
+                    deeds.append(trigger.deed(word, None))
                 else:
-                    deeds.append(trigger.deed(word, None) if is_certain else Deed(Action.UNKNOWN))
+                    is_stop = trigger.stops_surely(word, certain)
+                    deeds.append(Deed(Action.STOP if is_stop else Action.UNKNOWN))
         if self.sets_position:
             deeds.append(Deed(Action.SET_POSITION))
         if any(address in self.words or address in self.unclear for address in self.plan.starts_on) or (

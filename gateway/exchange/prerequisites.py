@@ -73,11 +73,9 @@ def run_beside_stop(request: Request) -> None:
         if not meaning.runs_alone:
             continue
         try:
-            added = _prepare_run(request, meaning)
+            is_right = _prepare_run(request, meaning) is None
         except RefusedRequestError:
-            added, is_right = None, False
-        else:
-            is_right = added is None
+            is_right = False
         if not is_right:
             request.known.runs.pop(meaning.axis.plan.name, None)
 

@@ -384,6 +384,7 @@ def test_the_table_of_references_is_what_the_rules_say(kind: Reference) -> None:
     }
     assert changes == expected
     assert REFERENCE_AT_START[kind] in columns
+    assert set(changes.values()) <= set(columns)
 
 
 def test_every_state_of_a_reference_is_one_thing() -> None:
