@@ -163,6 +163,11 @@ class AxisSettings:
     """A target that differs from the last one by no more keeps its branch."""
 
     @property
+    def hysteresis_counts(self) -> float:
+        """What a standing axis may tremble by, each way."""
+        return self.hysteresis * abs(self.counts_per_unit)
+
+    @property
     def in_position_counts(self) -> float:
         """The in-position window, each way."""
         return max(self.in_position, self.hysteresis) * abs(self.counts_per_unit)

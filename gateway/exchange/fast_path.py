@@ -209,8 +209,7 @@ class WritePath(FastPath):
         assert transaction.target is not None
         nominal_words, corrected_words, corrected_counts, _, steady = transaction.target
         move = None if steady is None else self._axis.compensation.move_of(steady)
-        fields = (self._number, nominal_words, corrected_words, corrected_counts, move, False, None, False)
-        return tuple.__new__(Rendering, fields)
+        return Rendering(self._number, nominal_words, corrected_words, corrected_counts, move)
 
     def rewriting(self, transaction: Transaction) -> Rewriting:
         """See ``FastPath``."""

@@ -327,7 +327,7 @@ def base_of(axis: Axis, action: Action, known: Known) -> Base | None:
     if actual is None:
         return None
     settings = axis.plan.settings
-    tolerance = settings.hysteresis * abs(settings.counts_per_unit)
+    tolerance = settings.hysteresis_counts
     if action is Action.RELATIVE_TO_ACTUAL:
         return _base_at(axis, actual.counts, standing, tolerance=0.0)
     return _base_at(axis, actual.counts, standing, tolerance=tolerance)

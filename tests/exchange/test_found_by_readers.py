@@ -655,3 +655,24 @@ def test_a_broadcast_that_stops_one_drive_and_runs_a_blocked_one_reaches_both() 
     bench.send(STOP_PDU, unit_id=0)
     assert bench.link.sent == [(0, STOP_PDU)]
     assert bench.line.axes[1].is_unsure
+
+
+def test_a_target_beside_the_one_before_is_not_proven_by_the_arrival_at_that_one() -> None:
+    """M7: 1000 runs as 1010; the trigger of 1001 (1011) is lost on the way there. The axis comes to 1010,
+    which is within the hysteresis of both. It stands at 1000: to go there once more moves nothing."""
+    bench = StagedBench(staged_plan(), serial=False, tcp_drive=True)
+    bench.stage(1000)
+    bench.trigger()
+    bench.drive.pass_by(500)
+    bench.ask(read(ACTUAL))
+    bench.stage(1001)
+    bench.send(RUN_PDU)
+    assert bench.link.take() == RUN_PDU
+    bench.wait(1001)
+    bench.port.replies.clear()
+    bench.settle()
+    bench.settle()
+    assert bench.ask(read(ACTUAL)) == b"\x03\x04" + ACTUAL.pack(1000)
+    bench.stage(1000)
+    bench.trigger()
+    assert bench.drive.moves == [("absolute", 1010), ("absolute", 1010)]

@@ -94,13 +94,15 @@ class Frame:
         "reply",
         "request",
         "sample",
+        "sent_ns",
         "unit",
         "written",
     )
 
-    def __init__(self, unit: int, pdu: bytes) -> None:
+    def __init__(self, unit: int, pdu: bytes, sent_ns: int) -> None:
         self.unit = unit
         self.pdu = pdu
+        self.sent_ns = sent_ns
         self.parsed = parse(pdu)
         self.is_early = False
         """A stop that left while a late reply might come: only its exact echo is its answer (M3)."""

@@ -46,6 +46,8 @@ truly did and when. It takes nothing from the exchange. What it demands (numbers
 Not accepted as an excuse: that a drive refused, delayed, lost or garbled something earlier.
 """
 
+from typing import Final
+
 from gateway.relay.controller_port import HAS_GONE, STOOD_STILL, TOO_SLOW
 from gateway.relay.pulse import AFTERWARDS_NS, EVERY_NS
 from tests.ledger.clock import MS, Clock
@@ -60,6 +62,9 @@ from tests.ledger.stillness import Stillness
 from tests.ledger.witness import Witness
 
 NO_CONNECTION = b"\x0a"
+NO_RESPONSE = 0x0B
+LOST_NS: Final = 1_000 * MS
+"""A drive that answered nothing for longer may have been switched off (``lost_ms``)."""
 
 
 class Ledger:
@@ -79,6 +84,8 @@ class Ledger:
         self._troubled_ns = self._stopped_ns = -1
         self._missed_stops: set[tuple[int, bytes]] = set()
         """Stops that their drives have not answered."""
+        self._silent_since: dict[int, int] = {}
+        """When the first request was sent that a drive has not answered, by its unit id."""
         self.is_down = False
         """There is no connection to the drives."""
 
@@ -196,7 +203,7 @@ class Ledger:
 
     def sent(self, unit: int, pdu: bytes, *, is_early: bool = False) -> Frame:
         """The gateway sends a frame: find out whose it is, and whether it is what it has to be."""
-        frame = Frame(unit, pdu)
+        frame = Frame(unit, pdu, self.clock.now_ns)
         frame.is_early = is_early
         if self.on_wire is not None:
             self.book.violation("W6-two-at-a-time", pdu.hex(" "), self.witness(unit).journal)
@@ -347,6 +354,7 @@ class Ledger:
         self.on_wire, self._delivering = None, frame
         frame.reply = pdu
         self.witness(frame.unit).journal.note("from the drive", pdu)
+        self._silent_since.pop(frame.unit, None)
         is_native = native_success(frame.pdu, pdu)
         if frame.is_early and pdu != frame.pdu:
             early = frame.request
@@ -381,6 +389,13 @@ class Ledger:
         self.witness(frame.unit).journal.note("given up on", frame.pdu)
         if frame.unit in self.judges:
             self.judges[frame.unit].answered(frame, is_native=False, is_exception=False)
+            self._fall_silent(frame.unit, frame.sent_ns)
+
+    def _fall_silent(self, unit: int, since_ns: int) -> None:
+        """A request was not answered, or not even asked, for the silence of its drive."""
+        if self.clock.now_ns - self._silent_since.setdefault(unit, since_ns) > LOST_NS:
+            self.book.seen["long silences"] += 1
+            self.judges[unit].doubt_all()
 
     def dropping(self) -> None:
         """The connection to the drives is lost: nobody knows what happens to them meanwhile."""
@@ -390,8 +405,9 @@ class Ledger:
         self.is_down = True
         for controller in self.controllers:
             self._give_up_untold(controller)
-        for judge in self.judges.values():
+        for unit, judge in self.judges.items():
             judge.doubt_all()
+            self._silent_since.setdefault(unit, self.clock.now_ns)
 
     def _give_up_untold(self, controller: Controller) -> None:
         """Nothing waits for a connection that is lost; on serial lines (W7) and who has gone is not told."""
@@ -462,6 +478,8 @@ class Ledger:
             is_excused = self._troubled_ns >= request.arrived_ns or self._is_stopped(request)
             self.judges[request.unit].check_refusal(request, pdu[1], is_excused=is_excused)
         self._lost(request, f"refused with {pdu[1]:#04x}")
+        if pdu[1] == NO_RESPONSE and not request.is_foreign:
+            self._fall_silent(request.unit, self.clock.now_ns)
 
     def _check_foreign_refusal(self, request: Request, code: int) -> None:
         is_excused = self._troubled_ns >= request.arrived_ns or self._is_stopped(request)

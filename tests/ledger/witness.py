@@ -319,7 +319,7 @@ class Witness:
         self.place, self.is_from_run, self.is_in_doubt = None, False, True
         self.done_seen = False
         self._continuity.forget()
-        self.journal.note("connection lost")
+        self.journal.note("what the drive holds is not known any more")
 
     # --- readings -------------------------------------------------------------------------------------------
 

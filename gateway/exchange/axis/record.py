@@ -284,7 +284,7 @@ def _was_there(axis: AxisState) -> bool:
     accepted, actual, settings = axis.compensation.accepted, axis.actual, axis.plan.settings
     if axis.whereabouts is not Whereabouts.SEEN_THERE or accepted is None or actual is None:
         return axis.whereabouts in WAS_THERE
-    near = settings.hysteresis * abs(settings.counts_per_unit)
+    near = settings.hysteresis_counts
     return abs(actual.counts - accepted.corrected_counts) <= near
 
 
@@ -362,7 +362,7 @@ def _is_recent(record: Remembered, first: Actual) -> bool:
 def _has_come_nearer(axis: AxisState, record: Remembered, before: Counts, now: Counts) -> bool:
     """Whether the drive goes to one of the last two setpoints, by more than a standing one trembles."""
     settings = axis.plan.settings
-    near = settings.hysteresis * abs(settings.counts_per_unit)
+    near = settings.hysteresis_counts
     targets = [record.corrected_counts]
     if record.unproven is not None:
         targets.append(record.unproven.corrected_counts)
@@ -376,7 +376,7 @@ def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None
     leads over the other, or begins there, a place tells nothing; a stream goes on from setpoint to setpoint.
     """
     settings = axis.plan.settings
-    near = settings.hysteresis * abs(settings.counts_per_unit)
+    near = settings.hysteresis_counts
     low, high = record.way
     from_target = abs(counts - record.corrected_counts)
     is_at_target = record.has_target and from_target <= near

@@ -226,6 +226,8 @@ class Rendering(NamedTuple):
     """Where a distance starts."""
     stood_there: bool = False
     """Of one that was not acknowledged: the drive held these words before, so to read them proves nothing."""
+    is_beside_another: bool = False
+    """The same: the target before it is so near that to see the axis there proves nothing."""
 
 
 class Retained(NamedTuple):

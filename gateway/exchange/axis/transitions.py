@@ -726,19 +726,28 @@ class Axis(AxisState):
             return
         image = self.fields[rendering.number]
         if image.corrected_words == rendering.corrected_words:
-            marked = rendering._replace(stood_there=True)
-            self.pending = marked if self.pending is rendering else self.pending
-            rendering = marked
+            rendering = self._marked(rendering, rendering._replace(stood_there=True))
         self.leave_run_unproven(rendering, now_ns)
         image.leave(rendering.nominal_words, rendering.corrected_words)
         image.forget()
 
     def leave_run_unproven(self, rendering: Rendering, now_ns: int) -> None:
         """A trigger was not acknowledged: the drive holds its target, and may be going there or not."""
+        before = self.unproven or self.compensation.accepted
         self.displace(now_ns)
-        if rendering.move is not None:
-            self._happens(Happening.UNACKNOWLEDGED)
-            self.unproven = rendering
+        if rendering.move is None:
+            return
+        self._happens(Happening.UNACKNOWLEDGED)
+        if before is not None:  # who is seen near both went to either
+            distance_counts = abs(rendering.corrected_counts - before.corrected_counts)
+            is_beside = distance_counts <= 2.0 * self.plan.settings.hysteresis_counts
+            rendering = self._marked(rendering, rendering._replace(is_beside_another=is_beside))
+        self.unproven = rendering
+
+    def _marked(self, rendering: Rendering, marked: Rendering) -> Rendering:
+        """Return a target of which more is known now; its record goes on to name it."""
+        self.pending = marked if self.pending is rendering else self.pending
+        return marked
 
     def _run_not(self, start: Accepted) -> None:
         """A distance that was not acknowledged did not run: the axis stands where it would have started."""
@@ -1057,15 +1066,11 @@ class Axis(AxisState):
         if unproven.is_distance:
             self.prove_distance(now)
             return
-        if before is None or unproven.move is None:
+        if before is None or unproven.move is None or unproven.is_beside_another:
             return
-        settings = self.plan.settings
-        near = settings.hysteresis * abs(settings.counts_per_unit)
-        if (
-            abs(now.counts - unproven.corrected_counts)
-            <= near
-            < abs(before.counts - unproven.corrected_counts)
-        ):
+        near = self.plan.settings.hysteresis_counts
+        end = unproven.corrected_counts
+        if abs(now.counts - end) <= near < abs(before.counts - end):
             self.go(unproven, unproven.move, now.seen_ns)
 
     def prove_distance(self, now: Actual) -> None:
