@@ -144,6 +144,8 @@ WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
 }
 """What each happening makes of each place; what is not here changes nothing."""
 
+_TOLD_BY_BIT: Final = [each for each in Referenced if each is not Referenced.HOMING]
+"""States of a reference that a bit of the drive decides: a homing command leaves it in doubt."""
 _DOUBTED_AGAIN: Final = {
     Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
     Referenced.LOST: Referenced.LOST_IN_DOUBT,
@@ -175,8 +177,8 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Ref
         ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND, Referenced.HOMING: Referenced.FOUND},
     },
     Reference.DRIVE_BIT: {  # once the bit was seen to be down a homing has begun: the next one set ends it
-        ReferenceEvent.BIT_SET: dict.fromkeys(Referenced, Referenced.FOUND),
-        ReferenceEvent.BIT_CLEAR: dict.fromkeys(Referenced, Referenced.LOST),
+        ReferenceEvent.BIT_SET: dict.fromkeys(_TOLD_BY_BIT, Referenced.FOUND),
+        ReferenceEvent.BIT_CLEAR: dict.fromkeys(_TOLD_BY_BIT, Referenced.LOST),
         ReferenceEvent.HOMING: {
             Referenced.UNTOLD: Referenced.UNTOLD_HOMING,
             Referenced.LOST: Referenced.HOMING_IN_DOUBT,
