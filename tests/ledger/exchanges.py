@@ -97,6 +97,7 @@ class Frame:
         "sent_ns",
         "unit",
         "written",
+        "written_before",
     )
 
     def __init__(self, unit: int, pdu: bytes, sent_ns: int) -> None:
@@ -121,6 +122,8 @@ class Frame:
         """The drive has done something with it."""
         self.reply: bytes | None = None
         self.sample: Sample | None = None
+        self.written_before: Frame | None = None
+        """The write to this unit id before this one."""
 
 
 class Window(NamedTuple):

@@ -84,6 +84,8 @@ class Ledger:
         self._troubled_ns = self._stopped_ns = -1
         self._missed_stops: set[tuple[int, bytes]] = set()
         """Stops that their drives have not answered."""
+        self._written: dict[int, Frame] = {}
+        """The last write to each unit id."""
         self._silent_since: dict[int, int] = {}
         """When the first request was sent that a drive has not answered, by its unit id."""
         self.is_down = False
@@ -205,6 +207,11 @@ class Ledger:
         """The gateway sends a frame: find out whose it is, and whether it is what it has to be."""
         frame = Frame(unit, pdu, self.clock.now_ns)
         frame.is_early = is_early
+        if frame.parsed.write is not None:
+            frame.written_before = self._written.get(unit)
+            if frame.written_before is not None and frame.written_before.pdu != pdu:
+                frame.written_before.written_before = None  # no chain of all of them
+            self._written[unit] = frame
         if self.on_wire is not None:
             self.book.violation("W6-two-at-a-time", pdu.hex(" "), self.witness(unit).journal)
         self.on_wire = frame
@@ -349,7 +356,8 @@ class Ledger:
         """The gateway is about to take a reply to ``answered`` for that to the frame on the wire."""
         frame = self.on_wire
         assert frame is not None
-        if answered is not frame:
+        is_none = frame.is_early and pdu != frame.pdu  # a late frame ends the wait: it goes once more
+        if answered is not frame and not is_none and not self._is_same_stop(frame, answered):
             self.book.violation("W6-reply-to-another", pdu.hex(" "), self.witness(frame.unit).journal)
         self.on_wire, self._delivering = None, frame
         frame.reply = pdu
@@ -368,14 +376,22 @@ class Ledger:
         if frame.unit in self.judges:
             self.judges[frame.unit].answered(frame, is_native=is_native, is_exception=pdu[0] >= 0x80)
 
+    @staticmethod
+    def _is_same_stop(frame: Frame, answered: Frame | None) -> bool:
+        """Whether a reply is that to the same stop of before, and nothing was written to the drive since."""
+        before = frame.written_before
+        while before is not None and before is not answered and before.pdu == frame.pdu:
+            before = before.written_before
+        return frame.is_early and before is not None and before is answered and before.pdu == frame.pdu
+
     def delivered(self) -> None:
         """The gateway has dealt with a reply."""
         frame, self._delivering = self._delivering, None
         if frame is not None and frame.request is None and frame.parsed.write is None:
             self.book.seen["added or orphaned reads"] += 1
 
-    def abandoned(self) -> None:
-        """The gateway has given up on the frame on the wire."""
+    def abandoned(self, *, goes_again: bool = True) -> None:
+        """The gateway has given up on the frame on the wire; a stop that left early may go once more."""
         frame, self.on_wire = self.on_wire, None
         if frame is None:
             return
@@ -384,7 +400,7 @@ class Ledger:
         self.book.seen["time-outs"] += 1
         if frame.request is not None and frame.request.is_stop:
             self._missed_stops.add((frame.unit, frame.pdu))
-        if frame.is_early:
+        if frame.is_early and goes_again:
             self._goes_again(frame)
         self.witness(frame.unit).journal.note("given up on", frame.pdu)
         if frame.unit in self.judges:
@@ -399,7 +415,7 @@ class Ledger:
 
     def dropping(self) -> None:
         """The connection to the drives is lost: nobody knows what happens to them meanwhile."""
-        self.abandoned()
+        self.abandoned(goes_again=False)
         self._troubled_ns = self.clock.now_ns
         self.book.seen["connections lost"] += 1
         self.is_down = True
