@@ -7,7 +7,8 @@ row it is *dead*: nothing is sent to it any more but a trial from time to time. 
 
 On a serial line a reply that comes late would answer whatever was asked next. Until ``drain_ms`` have passed
 without a frame of it, the silent unit itself is asked nothing; whoever else may be asked meanwhile is said by
-:meth:`Answers.free_ns`.
+:meth:`Answers.free_ns`. They have passed when :meth:`Answers.settle` says so, and not before: what came while
+the process stood still has been read then.
 
 A drive that answers costs one store, and a look at whether anything is silent on its line.
 """
@@ -90,7 +91,7 @@ class Silence:
     timeouts: int = 0
     """How many there were, all in a row."""
     quiet_ns: int = 0
-    """Until then a frame of it may come that answers nothing any more."""
+    """Until then a frame of it may come that answers nothing any more; 0: none may."""
     quiet_at_last_ns: int = 0
     """No such frame puts that off for longer."""
     due_ns: int = 0
@@ -135,6 +136,11 @@ class Silence:
         self.stops.clear()
         self.turns.clear()
 
+    def settle(self, now_ns: int) -> None:
+        """It has been quiet until now."""
+        if self.quiet_ns <= now_ns:
+            self.quiet_ns = 0
+
     def try_again(self, now_ns: int) -> None:
         """It is tried now: until it has answered nothing else goes there."""
         self.due_ns = now_ns + self.retry_ns
@@ -175,13 +181,13 @@ class Answers:
         silence.miss(sent_ns, now_ns, self._drain_ns, self._retry_ns)
         return silence, silence.reach is Reach.DEAD and not was_dead
 
-    def hear(self, unit_id: int, now_ns: int) -> Reach:
+    def hear(self, unit_id: int) -> Reach:
         """Note a whole frame of a unit id; return how far away it was before."""
         silence = self.silences.get(unit_id)
         if silence is None:
             return Reach.ANSWERS
         before = silence.hear()
-        self._forget(silence, now_ns)
+        self._forget(silence)
         return before
 
     def disturb(self, unit_id: int, now_ns: int) -> bool:
@@ -194,7 +200,7 @@ class Answers:
             self._late_ns[unit_id] = now_ns
         is_awaited = False
         for silence in self.silences.values():
-            if silence.quiet_ns > now_ns and unit_id in (silence.unit_id, -1):
+            if silence.quiet_ns and unit_id in (silence.unit_id, -1):
                 is_awaited = True
                 self._late_ns[silence.unit_id] = now_ns
                 silence.be_late(now_ns, self._drain_ns)
@@ -207,12 +213,13 @@ class Answers:
         self.settle(0)
 
     def settle(self, now_ns: int) -> None:
-        """Forget what does not matter any more."""
+        """What was owed until now has not come; called once what has come was read."""
         for silence in tuple(self.silences.values()):
-            self._forget(silence, now_ns)
+            silence.settle(now_ns)
+            self._forget(silence)
 
-    def _forget(self, silence: Silence, now_ns: int) -> None:
-        if silence.reach is Reach.ANSWERS and silence.quiet_ns <= now_ns:
+    def _forget(self, silence: Silence) -> None:
+        if silence.reach is Reach.ANSWERS and not silence.quiet_ns:
             del self.silences[silence.unit_id]
 
     # --- whom it costs what ----------------------------------------------------------------------------
@@ -228,7 +235,7 @@ class Answers:
         return found
 
     def free_ns(self, unit_id: int, now_ns: int, *, is_read: bool) -> int:
-        """Return until when a request to a unit id waits for late frames; 0: it need not.
+        """Return until when a request to a unit id waits for late frames, later than now; 0: it need not.
 
         A late frame of another unit answers nothing of this one, but may meet its answer on the wire. Only a
         read takes that chance, with a unit that was never late in the last ten minutes; with one that is
@@ -237,7 +244,7 @@ class Answers:
         until_ns = 0
         for silence in self.silences.values():
             quiet_ns = silence.quiet_ns
-            if quiet_ns <= now_ns or quiet_ns <= until_ns:
+            if quiet_ns <= until_ns:
                 continue
             if silence.unit_id != unit_id:
                 late_ns = self._late_ns.get(silence.unit_id)
@@ -246,16 +253,22 @@ class Answers:
                 if is_read and late_ns is not None and now_ns - late_ns >= LATE_FOR_NS:
                     continue
             until_ns = quiet_ns
-        return until_ns
+        return max(until_ns, now_ns + 1) if until_ns else 0
 
-    def owes(self, now_ns: int) -> bool:
+    @property
+    def quiet_ns(self) -> int | None:
+        """When the first of them has been quiet for long enough; None: nobody owes anything."""
+        return min((each.quiet_ns for each in self.silences.values() if each.quiet_ns), default=None)
+
+    @property
+    def owes(self) -> bool:
         """Whether a late frame may come from anybody."""
-        return any(silence.quiet_ns > now_ns for silence in self.silences.values())
+        return self.quiet_ns is not None
 
-    def owes_of(self, unit_id: int, now_ns: int) -> bool:
+    def owes_of(self, unit_id: int) -> bool:
         """Whether a late frame may come from a unit id."""
         silence = self.silences.get(unit_id)
-        return silence is not None and silence.quiet_ns > now_ns
+        return silence is not None and silence.quiet_ns > 0
 
     # --- stops -----------------------------------------------------------------------------------------
 

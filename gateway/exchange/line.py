@@ -121,13 +121,18 @@ class LineExchange:
         if self._current is not None:
             return self._current.deadline_ns
         rests_until_ns, waits_until_ns = self.rest.until_ns, self._waits_until_ns
+        if self.answers.silences:
+            quiet_ns = self.answers.quiet_ns
+            if quiet_ns is not None and (waits_until_ns is None or quiet_ns < waits_until_ns):
+                waits_until_ns = quiet_ns
         if rests_until_ns is None or waits_until_ns is None:
             return waits_until_ns if rests_until_ns is None else rests_until_ns
         return min(rests_until_ns, waits_until_ns)
 
-    def owes_silence(self, now_ns: int) -> bool:
+    @property
+    def owes_silence(self) -> bool:
         """Whether a reply may still come that is not for whoever uses the line next."""
-        return self.rest.owes_silence or self.answers.owes(now_ns)
+        return self.rest.owes_silence or self.answers.owes
 
     @property
     def unit_ids(self) -> dict[str, Any]:
@@ -311,7 +316,7 @@ class LineExchange:
             self._gaps.ended(transaction, now_ns)
             self._next(now_ns)
             return
-        if transaction.stopping is Stopping.EARLY and not self._is_answer(transaction, pdu, now_ns):
+        if transaction.stopping is Stopping.EARLY and not self._is_answer(transaction, pdu):
             self.answers.disturb(unit_id, now_ns)
             self._current = None
             self._send_once_more(transaction, now_ns)
@@ -405,7 +410,7 @@ class LineExchange:
         frame.axis.lose_restaged(rendering, code, why)
         return code
 
-    def _is_answer(self, stop: Transaction, reply: bytes, now_ns: int) -> bool:
+    def _is_answer(self, stop: Transaction, reply: bytes) -> bool:
         """Whether a reply to a stop that left early ends it: a late one may come in its place.
 
         What waited for the silence before it came may move its axis yet: then it goes once more behind that.
@@ -418,11 +423,11 @@ class LineExchange:
         if pdu[0] in FULL_ECHOES:
             return reply == pdu
         # Of several registers only their addresses come back, as they do for any other write there.
-        return reply == pdu[:5] and not (self.rest.is_draining or self.answers.owes_of(unit_id, now_ns))
+        return reply == pdu[:5] and not (self.rest.is_draining or self.answers.owes_of(unit_id))
 
     def _hear(self, unit_id: int, now_ns: int) -> None:
         """Take note of a frame of a unit id, while something on the line is silent."""
-        before = self.answers.hear(unit_id, now_ns)
+        before = self.answers.hear(unit_id)
         if before is Reach.ANSWERS:
             return
         self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
@@ -474,7 +479,7 @@ class LineExchange:
         if not self._is_stopping:  # closing it ourselves is no event
             self._on_event(Event(EventKind.LINE_DOWN))
         current, self._current = self._current, None
-        is_busy = current is not None or self.rest.is_draining or self.answers.owes(now_ns)
+        is_busy = current is not None or self.rest.is_draining or self.answers.owes
         self.rest.break_off(owes_silence=self._link.is_serial and is_busy)
         for axis in self.axes:
             axis.lose_link(now_ns)
@@ -493,6 +498,9 @@ class LineExchange:
             return
         if self._current is not None:
             self._time_out(self._current, now_ns)
+        # Only here: a caller that comes late has read by then what had come (W6).
+        self.rest.settle(now_ns)
+        self.answers.settle(now_ns)
         self._next(now_ns)
 
     def stop(self, now_ns: int) -> None:
@@ -512,8 +520,6 @@ class LineExchange:
     def _next(self, now_ns: int) -> None:
         """Start what waits, as long as the line is free."""
         self._waits_until_ns = None
-        if self.rest.until_ns is not None and now_ns >= self.rest.until_ns:
-            self.rest.end()
         while self._waiting.total and self._current is None:
             if self.rest.until_ns is not None or self.answers.silences:
                 chosen = self._choose(now_ns)
@@ -533,7 +539,6 @@ class LineExchange:
 
         Requests of one controller keep their order; its stops wait for none of them.
         """
-        self.answers.settle(now_ns)
         until_ns = HAS_NO_TURN
         held: set[int] = set()
         others: list[Transaction] = []
@@ -568,7 +573,7 @@ class LineExchange:
             from_ns = self._stop_from_ns(transaction)
             is_late = transaction.waits_for_silence
             if rests_until_ns is not None and (is_late or self.rest.is_turning):
-                from_ns = max(from_ns, rests_until_ns)
+                from_ns = max(from_ns, rests_until_ns, now_ns + 1)
             if is_late:
                 from_ns = max(from_ns, self.answers.free_ns(unit_id, now_ns, is_read=False))
             return from_ns
@@ -660,7 +665,7 @@ class LineExchange:
         """Whether a late frame may come in the place of the reply to a stop, or meet it on the wire."""
         if stop.waits_for_silence or not self._link.is_serial:
             return False
-        return self.rest.is_draining or self.answers.free_ns(stop.unit_id, now_ns, is_read=False) > now_ns
+        return self.rest.is_draining or self.answers.free_ns(stop.unit_id, now_ns, is_read=False) > 0
 
     def _thin_out(self, stop: Transaction, now_ns: int) -> None:
         """Of a stop that its drive does not answer the newest of each controller waits, for all before it."""

@@ -70,10 +70,11 @@ class Rest:
         """Bytes came in the middle of the silence: it begins anew, but not for ever."""
         self.until_ns = min(now_ns + self._drain_ns, self._drained_at_last_ns)
 
-    def end(self) -> None:
-        """The line has rested."""
-        self._resting = Resting.NOT
-        self.until_ns = None
+    def settle(self, now_ns: int) -> None:
+        """The line has rested, if it was to until now; called once what came of the drives has been read."""
+        if self.until_ns is not None and now_ns >= self.until_ns:
+            self._resting = Resting.NOT
+            self.until_ns = None
 
     def owe(self) -> None:
         """A reply may come that nobody here has asked for: the line rests first when its link comes up."""

@@ -177,7 +177,7 @@ class Line:
     @property
     def owes_silence(self) -> bool:
         """Whether a drive may still answer what the next gateway never asked; ask when the line is closed."""
-        return self._exchange.owes_silence(boot_ns())
+        return self._exchange.owes_silence
 
     def rest_first(self) -> None:
         """Wait for silence before anything is sent; before :meth:`open`. Modbus/TCP needs none (W6)."""

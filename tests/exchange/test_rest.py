@@ -14,7 +14,8 @@ WALK: Final = """
                 not        turnaround silence    owed
 turnaround      turnaround turnaround turnaround turnaround
 drain           silence    silence    silence    silence
-end             not        not        not        not
+settled         .          not        not        .
+settled-before  .          .          .          .
 link-lost-busy  owed       owed       owed       owed
 link-lost-idle  not        not        not        not
 link-up         .          .          .          silence
@@ -23,7 +24,8 @@ link-up         .          .          .          silence
 STEPS: Final[dict[str, Callable[[Rest], None]]] = {
     "turnaround": lambda rest: rest.turn_around(10 * MS),
     "drain": lambda rest: rest.drain(10 * MS),
-    "end": lambda rest: rest.end(),
+    "settled": lambda rest: rest.settle(150 * MS),
+    "settled-before": lambda rest: rest.settle(49 * MS),
     "link-lost-busy": lambda rest: rest.break_off(owes_silence=True),
     "link-lost-idle": lambda rest: rest.break_off(owes_silence=False),
     "link-up": lambda rest: rest.resume(10 * MS),

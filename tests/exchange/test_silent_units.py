@@ -9,7 +9,7 @@ from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
 from gateway.exchange.answers import REACH_AFTER, Reach, Sign
 from gateway.exchange.plan import ControllerPlan, LineTiming, Reference
 from gateway.modbus.registers import BitField, BitTable
-from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, write
 
 OTHER: Final = bytes.fromhex("03 0700 0001")
 ANSWER: Final = bytes.fromhex("03 02 0005")
@@ -292,6 +292,29 @@ def test_w6_the_silent_unit_itself_is_asked_nothing_before_the_silence(pdu: str)
     assert bench.link.sent == []
     bench.wait(50)
     assert bench.link.take() == bytes.fromhex(pdu)
+
+
+@pytest.mark.parametrize("is_owed_by_unit", [True, False])
+def test_w6_a_silence_through_which_the_gateway_stood_still_ends_when_what_came_has_been_read(
+    *, is_owed_by_unit: bool
+) -> None:
+    """The process stops after the time-out, for longer than the silence. Meanwhile its drive answers
+    late, and its controller asks again. What is read first is chance: the request waits for the port."""
+    bench = line()
+    if is_owed_by_unit:
+        bench.send(OTHER, unit_id=2)
+        bench.link.sent.clear()
+        bench.wait(100)
+    else:
+        bench.line.stray(bench.now_ns, unit_id=2)  # a frame that nobody asked for: the whole line rests
+    bench.now_ns += 60 * MS
+    bench.send(OTHER, unit_id=2)
+    assert bench.link.sent == []
+    bench.line.stray(bench.now_ns, unit_id=2)
+    bench.wait(0)
+    assert bench.link.sent == []
+    bench.wait(50)
+    assert bench.link.take() == OTHER
 
 
 @pytest.mark.parametrize(("unit_id", "pdu"), [(1, "06 0700 0001"), (0, "06 0700 0001"), (1, "65 00")])

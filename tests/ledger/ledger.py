@@ -167,14 +167,13 @@ class Ledger:
         self.book.violation(kind, f"{request.pdu.hex(' ')}: {detail}", self.witness(request.unit).journal)
 
     def _take_the_place_of_given_up(self, stop: Request) -> None:
-        """A stop for which nobody waits any more needs not go out beside a new one."""
+        """A stop for which nobody waits any more needs not go out beside a new one, which waits as it did."""
         for controller in self.controllers:
-            controller.pending = [
-                old
-                for old in controller.pending
-                if (old.unit, old.pdu) != (stop.unit, stop.pdu)
-                or controller.unanswered.get(old.transaction_id) is old
-            ]
+            for old in list(controller.pending):
+                is_same = (old.unit, old.pdu) == (stop.unit, stop.pdu)
+                if is_same and controller.unanswered.get(old.transaction_id) is not old:
+                    controller.pending.remove(old)
+                    stop.goes_again |= old.goes_again
 
     def _is_stop(self, request: Request) -> bool:
         layout, write = self.witness(request.unit).layout, request.parsed.write

@@ -662,9 +662,9 @@ def refused(line: LineExchange) -> int:
     return line.counters.refused
 
 
-def is_resting(line: LineExchange, now_ns: int) -> bool:
+def is_resting(line: LineExchange) -> bool:
     """Whether a line, or the drive on it that was silent last, falls silent before anything else leaves."""
-    return line.rest.until_ns is not None or line.answers.owes(now_ns)
+    return line.rest.until_ns is not None or line.answers.owes
 
 
 def stopping_of(line: LineExchange) -> Stopping:

@@ -1339,7 +1339,7 @@ class World:
 
     def is_resting(self) -> bool:
         """Whether the line is silent for a while, whatever waits."""
-        return is_resting(self.sides[0].line, self.now_ns)
+        return is_resting(self.sides[0].line)
 
     def _lose(self, port: int, request: Asked) -> None:
         rules.note_lost(self, port, request)
