@@ -1166,13 +1166,17 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     world.state = world.state._replace(axes=tuple(axes))
 
 
-def check_stands(world: "World", number: int) -> None:
-    """A dry run does not end while an axis is on its way to where nobody has seen it. BrokenRuleError."""
+def judge_dry_run(world: "World", number: int, refusal: str) -> None:
+    """A dry run ends where the axis was seen at its last target, and not on a way. Raises BrokenRuleError."""
     axis = world.state.axes[number]
     run = axis.run
-    is_there = run is None or (axis.goes_counts is None and axis.stands_counts == run.end_counts)
-    if run is not None and run.is_told and not (is_there or run.seen):
+    if run is None or not run.is_told:
+        return
+    is_there = axis.goes_counts is None and axis.stands_counts == run.end_counts
+    if not refusal and not is_there and not run.seen:
         raise BrokenRuleError(f"a dry run ended on the way to {run.end_counts} (3)")
+    if refusal and is_there and run.seen == 3 and world.state.wire is None:
+        raise BrokenRuleError(f"a dry run does not end at {run.end_counts}: {refusal} (3)")
 
 
 def _judge_reading(world: "World", number: int, read_counts: float, step_counts: float) -> None:

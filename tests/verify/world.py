@@ -5,7 +5,6 @@ happen now, does one, and holds it against the rules (``tests.verify.rules``). B
 to know is a state: the line's (``tests.verify.snapshot``) and the world's own, a tuple that never changes.
 """
 
-import contextlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
@@ -1135,10 +1134,13 @@ class World:
         self._control(lambda: Switch(self.design.plans[0].name, self.state.is_wanted))
 
     def _on_end_dry_run(self) -> None:
-        with contextlib.suppress(ControlError):  # it may not stand
+        try:
             self._control(lambda: EndDryRun(self.design.plans[0].name))
+        except ControlError as error:
+            rules.judge_dry_run(self, 0, str(error))
+        else:
             self.state = self.state._replace(is_wanted=True)
-            rules.check_stands(self, 0)
+            rules.judge_dry_run(self, 0, "")
 
     def _on_declare(self) -> None:
         facts.declared(self, 0)
