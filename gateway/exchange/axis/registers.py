@@ -65,9 +65,9 @@ class FieldImage:
         self._missing = self._all_words
         self._since_ns = 0
         self._restaged: dict[int, bytes] = {}
-        """Words that were written anew one by one while ``corrected_words`` is not known, by their number."""
+        """Of ``corrected_words`` that are not known: those that were written anew one by one, by number."""
         self._either: tuple[bytes | None, ...] = ()
-        """Words of which the drive holds one or the other, where a target was written anew in vain."""
+        """Of such: the drive holds one or the other, where a target was written anew in vain."""
         self._lost_ns = 0
         """When the newest write that was lost had come."""
         self.may_be_corrected = False
@@ -89,10 +89,10 @@ class FieldImage:
             epoch: of the field, when they were sent; None: nothing has been lost since.
         """
         self.nominal_words = nominal_words
-        self.corrected_words = corrected_words
-        self._either = ()
-        if self._restaged:
-            self._restaged.clear()
+        if corrected_words is None:
+            self.doubt()
+        else:
+            self.corrected_words = corrected_words
         self.may_be_corrected = corrected_words != nominal_words
         if epoch is None or epoch == self.epoch:
             self.completeness = Completeness.WHOLE
@@ -120,7 +120,8 @@ class FieldImage:
 
     def means(self, words: bytes) -> bytes | None:
         """Return what the controller wrote, where words that were read stand for that; else None."""
-        is_known = words == self.corrected_words or words in self._either
+        there = self.corrected_words
+        is_known = words in self._either if there is None else words == there
         return self.nominal_words if is_known else None
 
     def holds(self, first: int, words: bytes) -> bool:
