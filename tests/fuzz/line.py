@@ -9,10 +9,18 @@ from typing import Final
 from gateway.compensation.settings import Gain
 from gateway.config.load import load
 from gateway.drives import library
-from gateway.exchange.control import ClearTable, ControlError, Declare, SetGain, SetTemperature, Switch
+from gateway.exchange.control import (
+    ClearTable,
+    ControlError,
+    Declare,
+    EndDryRun,
+    SetGain,
+    SetTemperature,
+    Switch,
+)
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
-from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Reference, Role
+from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import Transaction
 from gateway.modbus.crc import crc16
@@ -62,6 +70,7 @@ def machines() -> tuple[tuple[AxisPlan, ...], ...]:
     """Return the axes of each line that can be chosen."""
     screw = Screw((0.0, 50.0, 100.0), (0.0, 0.02, 0.0), (-0.01, 0.01, 0.03))
     known = of_known_drives()
+    dry = CompensationMode.SHADOW
     return (
         (
             axis_plan(),
@@ -70,6 +79,11 @@ def machines() -> tuple[tuple[AxisPlan, ...], ...]:
         ),
         *(tuple(layouts.axis_plan(layout, screw) for layout in setup.layouts) for setup in SETUPS),
         *(known[first : first + AXES_AT_ONCE] for first in range(0, len(known), AXES_AT_ONCE)),
+        (
+            axis_plan(compensation=dry),
+            stream_plan(name="y", unit_id=2, compensation=dry),
+            axis_plan(name="z", unit_id=3, compensation=dry, referenced=Reference.HOMING),
+        ),
     )
 
 
@@ -340,6 +354,8 @@ class Line:
                     line.controller_gone(controller, now_ns)
                 case 10:
                     line.control(SetTemperature(axis, float(script.byte())), now_ns)
+                case 11:
+                    line.control(EndDryRun(axis), now_ns)
                 case _:
                     self.arrive()
         except ControlError as error:
