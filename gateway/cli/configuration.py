@@ -81,9 +81,8 @@ def state_folder_or_exit(config: Path) -> Path:
     A gateway that runs can be commanded while its configuration is being edited.
     """
     from gateway.config.document import read_document
-    from gateway.config.findings import Findings
     from gateway.config.problems import ConfigErrors
-    from gateway.config.sections import read_sections
+    from gateway.ipc.state_folder import state_folder_anyway
 
     try:
         document = read_document(config)
@@ -91,4 +90,4 @@ def state_folder_or_exit(config: Path) -> Path:
         for problem in errors.problems:
             typer.echo(problem, err=True)
         raise typer.Exit(1) from None
-    return config.parent / read_sections(Findings(document)).gateway.state
+    return state_folder_anyway(config, document.tables)

@@ -7,7 +7,7 @@ import typer
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit, state_folder_or_exit
 from gateway.cli.measuring import options as given
-from gateway.metrology.gauges import GaugeKind
+from gateway.metrology.gauge_kinds import GaugeKind
 
 if TYPE_CHECKING:
     from gateway.cli.measuring.work import Wish

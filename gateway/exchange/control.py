@@ -14,7 +14,7 @@ from gateway.compensation.settings import Gain, Setpoints
 from gateway.compensation.table import CorrectionTable
 from gateway.exchange.axis.state import Switched
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.plan import AxisPlan
+from gateway.exchange.limits import Limits, limits_of
 
 ROUNDING: Final = 1e-9
 """Share of a limit by which decimal fractions and conversions may exceed it."""
@@ -32,16 +32,6 @@ class TableChange:
     name: str
     format: str
     digest: str
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Limits of one axis that it can be given while it runs; lengths in its units."""
-
-    max_correction: float
-    max_slope: float
-    travel_margin: float
-    budget_us: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,12 +104,6 @@ def axes_asked(message: Control) -> tuple[str, ...]:
     if isinstance(message, SetTables):
         return tuple(change.axis for change in message.changes)
     return (message.axis,)
-
-
-def limits_of(plan: AxisPlan) -> Limits:
-    """Return the limits of an axis."""
-    settings = plan.settings
-    return Limits(settings.max_correction, settings.max_slope, settings.travel_margin, plan.budget_us)
 
 
 class ControlError(Exception):

@@ -1,9 +1,11 @@
-"""The part of the status model that the exchange knows. Positions are in units, on their own scale."""
+"""The part of the status model that the exchange knows. Positions are in units, on their own scale.
+
+The states that it shows are listed in ``exchange.status_words``.
+"""
 
 from typing import Any, Final
 
 from gateway.compensation.settings import Setpoints
-from gateway.compensation.thermal import TermState
 from gateway.counts import Counts
 from gateway.exchange.axis.state import Actual
 from gateway.exchange.axis.transitions import Axis
@@ -12,23 +14,6 @@ from gateway.times import NS_PER_S
 
 SHOWN_NS: Final = 2 * NS_PER_S
 """Age up to which a reading is shown as where the axis is: it may have moved since, also by other hands."""
-
-
-COMPENSATION_STATES: Final = (
-    "active",
-    "blending",
-    "shadow",
-    "off",
-    "unreferenced",
-    "no-table",
-    "outside",
-    "blocked",
-)
-"""Everything that :func:`compensation_state` returns."""
-DIRECTION_STATES: Final = ("forward", "backward", "unknown", "unsure")
-"""Everything that :func:`direction_state` returns."""
-TERM_STATES: Final = tuple(state.value for state in TermState)
-"""Every ``state`` of ``terms.thermal`` and ``terms.cross``."""
 
 
 def line_status(line: LineExchange, now_ns: int) -> dict[str, Any]:

@@ -4,8 +4,9 @@ import contextlib
 import os
 import tempfile
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from gateway.files import FileRefusedError, read_regular_file
 
@@ -38,11 +39,25 @@ def state_folder(config: Path) -> Path:
         raise StateError(str(error)) from None
     except (ValueError, RecursionError) as error:
         raise StateError(f"not TOML: {error}; pitch-gateway check {config} says where") from None
-    section = document.get("gateway", {})
-    named = section.get("state", DEFAULT_STATE) if isinstance(section, dict) else None
-    if not isinstance(named, str) or not named or "\0" in named:
+    named = _named(document)
+    if not _is_a_name(named):
         raise StateError(f"gateway.state: found {named!r}; allowed: a folder")
     return config.parent / named
+
+
+def state_folder_anyway(config: Path, document: Mapping[str, Any]) -> Path:
+    """Return the state folder of a configuration; the default where it names none that can be one."""
+    named = _named(document)
+    return config.parent / (named if _is_a_name(named) else DEFAULT_STATE)
+
+
+def _named(document: Mapping[str, Any]) -> object:
+    section = document.get("gateway", {})
+    return section.get("state", DEFAULT_STATE) if isinstance(section, dict) else None
+
+
+def _is_a_name(named: object) -> TypeGuard[str]:
+    return isinstance(named, str) and bool(named) and "\0" not in named
 
 
 def read_state(path: Path) -> bytes:

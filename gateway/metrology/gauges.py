@@ -25,10 +25,10 @@ of the other sign. Nothing is guessed: a line that is not exactly one of these i
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum
 from typing import Final
 
 from gateway.metrology.errors import MetrologyError
+from gateway.metrology.gauge_kinds import GaugeKind
 from gateway.tabfile.fields import to_decimal
 
 LONGEST_LINE: Final = 64
@@ -41,16 +41,6 @@ _ENDS: Final = re.compile(rb"\r\n|\r|\n")
 
 class GaugeError(MetrologyError):
     """A line that is no reading; it shows the line and says what to do."""
-
-
-class GaugeKind(Enum):
-    """How a gauge writes a reading."""
-
-    MITUTOYO = "mitutoyo"
-    SYLVAC = "sylvac"
-    MILLIMAR = "millimar"
-    PATTERN = "pattern"
-    """A pattern of one's own."""
 
 
 @dataclass(frozen=True, slots=True)

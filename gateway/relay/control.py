@@ -7,7 +7,8 @@ from typing import Protocol
 import gateway
 from gateway.compensation.settings import Gain
 from gateway.exchange import control
-from gateway.exchange.control import Control, ControlError, Declare, Limits, Switch
+from gateway.exchange.control import Control, ControlError, Declare, Switch
+from gateway.exchange.limits import Limits
 from gateway.ipc.messages import (
     ClearTable,
     Disable,

@@ -27,9 +27,9 @@ from gateway.exchange.control import (
     SetGain,
     SetLimits,
     SetTables,
-    limits_of,
 )
 from gateway.exchange.latency_status import LatencyStatus
+from gateway.exchange.limits import limits_of
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.exchange.ports import OwnUnit

@@ -10,7 +10,6 @@ from gateway.exchange.control import (
     Control,
     Declare,
     EndDryRun,
-    Limits,
     SetGain,
     SetLimits,
     SetTables,
@@ -18,6 +17,7 @@ from gateway.exchange.control import (
     Switch,
     TableChange,
 )
+from gateway.exchange.limits import Limits
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.ipc import traffic

@@ -1,6 +1,7 @@
 """The supervisor as a program: ``python -m gateway.supervisor CONFIG``, what ``supervise`` becomes."""
 
 import argparse
+import gc
 import os
 import signal
 import sys
@@ -11,12 +12,16 @@ from gateway.ipc.notes import LogFormat, note_writer
 from gateway.ipc.place import SocketError
 from gateway.ipc.service_manager import manager_of
 from gateway.ipc.state_folder import StateError, state_folder
-from gateway.supervisor.process import run_supervisor
 
 
 def main() -> int:
     """Run until a signal ends it; returns the exit code."""
     options = _options()
+    # What is loaded stays: to search all of it for garbage again and again is a tenth of the start.
+    gc.disable()
+    from gateway.supervisor.process import run_supervisor
+
+    gc.enable()
     follow_parent(options.parent, signal.SIGKILL)
     config: Path = options.config
     manager = None if options.parent else manager_of(os.environ)

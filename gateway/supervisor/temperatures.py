@@ -8,17 +8,14 @@ from typing import Any, Final
 
 import msgspec
 
+from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.sensor_events import TEMPERATURE_NOT_READ, TEMPERATURE_WRONG
 from gateway.config.sections import Sections
 from gateway.config.terms_model import TemperatureSource
 from gateway.ipc.client import NoGatewayError
 from gateway.ipc.messages import Done, Reply, Request, SetTemperature
-from gateway.modbus.pdu import is_exception
-from gateway.modbus.registers import PositionField
 from gateway.supervisor.aside import aside
 from gateway.supervisor.saying import Say
-from gateway.transport.errors import TransportError
-from gateway.transport.master import ModbusMaster, NoReplyError
 
 LONGEST_PAYLOAD: Final = 4096
 LONGEST_SHOWN: Final = 80
@@ -27,9 +24,6 @@ LARGEST: Final = 1e6
 KEYS: Final = ("temperature", "celsius", "value")
 TELL_EVERY_S: Final = 1.0
 """The relay is told no more often, however often a sensor speaks."""
-PATIENCE_MS: Final = 2000.0
-EXCEPTION_SIZE: Final = 2
-"""Bytes of a PDU that refuses; a device may send less, or more."""
 NOT_A_NUMBER: Final = "allowed: a number in °C, or JSON with a number under temperature, celsius or value"
 
 
@@ -87,7 +81,11 @@ class Temperatures:
         self._sources = wanted
         for name, source in wanted.items():
             if source.modbus is not None and name not in self._readers:
-                self._readers[name] = asyncio.create_task(self._read_on(name, source))
+                # Loads serial ports and a master, which hardly any supervisor needs.
+                from gateway.supervisor.temperature_registers import read_on
+
+                reading = read_on(source, partial(self._take, name), partial(self._not_read, name))
+                self._readers[name] = asyncio.create_task(reading)
 
     def hear(self, topic: str, payload: bytes, *, is_retained: bool) -> None:
         """Take a message. A retained one may be of any day, and is no news."""
@@ -132,36 +130,11 @@ class Temperatures:
         else:
             self._complain(name, "; ".join(reply.problems) if isinstance(reply, Done) else str(reply))
 
-    def _complain(self, name: str, detail: str, *, is_unread: bool = False) -> None:
+    def _not_read(self, name: str, detail: str) -> None:
+        self._complain(name, detail, TEMPERATURE_NOT_READ)
+
+    def _complain(self, name: str, detail: str, kind: EventEntry = TEMPERATURE_WRONG) -> None:
         """Say it once for each kind of fault, whatever the value."""
-        kind = TEMPERATURE_NOT_READ if is_unread else TEMPERATURE_WRONG
         if self._said.get(name) != kind.name:
             self._said[name] = kind.name
             self._say(kind, axis=name, detail=detail)
-
-    # --- over Modbus -----------------------------------------------------------------------------------
-
-    async def _read_on(self, name: str, source: TemperatureSource) -> None:
-        """Read a register again and again; a connection that is lost is opened again."""
-        while True:
-            try:
-                await self._read_connected(name, source)
-            except (TransportError, NoReplyError, OSError) as error:
-                self._complain(name, f"{source.modbus}: {error}", is_unread=True)
-            await asyncio.sleep(source.every_s)
-
-    async def _read_connected(self, name: str, source: TemperatureSource) -> None:
-        assert source.modbus is not None
-        assert source.address is not None
-        place = PositionField(source.address, source.type, source.words)
-        request = bytes((source.function,)) + source.address.to_bytes(2, "big") + bytes((0, place.words))
-        async with ModbusMaster(source.modbus, timeout_ms=PATIENCE_MS) as master:
-            while True:
-                reply = await master.exchange(source.unit_id, request)
-                if is_exception(reply) and len(reply) == EXCEPTION_SIZE:
-                    self._complain(name, f"{source.modbus}: exception {reply[1]:#04x}", is_unread=True)
-                elif len(reply) != 2 + 2 * place.words or reply[0] != source.function:
-                    self._complain(name, f"{source.modbus}: found {reply.hex(' ')}", is_unread=True)
-                else:
-                    self._take(name, place.unpack(reply[2:]) * source.scale)
-                await asyncio.sleep(source.every_s)

@@ -99,7 +99,8 @@ class Watch:
         """Wait until it is time for the next look."""
         wait_s = SOON_S if self.moving else EVERY_S
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(self._woken.wait(), wait_s)
+            async with asyncio.timeout(wait_s):  # wait_for of Python 3.11 would lose a cancellation here
+                await self._woken.wait()
         self._woken.clear()
 
     def _state(self, name: str) -> State:

@@ -12,7 +12,7 @@ from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import STARTS
 from gateway.catalogue.states import COMPENSATION, CROSS, DIRECTION, TABLE_FILE, THERMAL
 from gateway.catalogue.troubles import TROUBLES
-from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
+from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.modbus.pdu import ExceptionCode
 from gateway.supervisor.book import FileState
 from tests.catalogue.sentences import begins, raised, trees

@@ -16,7 +16,7 @@ from gateway.exchange.control import (
     set_temperature,
     switch,
 )
-from gateway.exchange.control import Limits as LimitsOf
+from gateway.exchange.limits import Limits as LimitsOf
 from gateway.exchange.plan import AxisPlan, Reference
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench

@@ -10,7 +10,7 @@ from gateway.cli.measuring.setting import Grid, Reader, instrument_of, plan_of
 from gateway.compensation.units import Units
 from gateway.config.load import load
 from gateway.exchange.plan import AxisPlan
-from gateway.metrology.gauges import GaugeKind
+from gateway.metrology.gauge_kinds import GaugeKind
 from gateway.metrology.lead import lead_warnings, periods_of
 from tests.measure.site import CONFIG, REGISTERS
 

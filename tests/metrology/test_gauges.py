@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.metrology.gauges import GaugeError, GaugeKind, GaugeLines, pattern_of, reading_of
+from gateway.metrology.gauge_kinds import GaugeKind
+from gateway.metrology.gauges import GaugeError, GaugeLines, pattern_of, reading_of
 
 MITUTOYO, SYLVAC, MILLIMAR = GaugeKind.MITUTOYO, GaugeKind.SYLVAC, GaugeKind.MILLIMAR
 

@@ -19,7 +19,6 @@ from gateway.exchange.control import (
     ControlError,
     Declare,
     EndDryRun,
-    Limits,
     SetGain,
     SetLimits,
     SetTables,
@@ -27,6 +26,7 @@ from gateway.exchange.control import (
     Switch,
     TableChange,
 )
+from gateway.exchange.limits import Limits
 from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, Reference
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import compiled

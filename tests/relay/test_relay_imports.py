@@ -14,7 +14,7 @@ UNWANTED = (
 PROGRAM = """
 import asyncio, json, sys
 from pathlib import Path
-import gateway.relay.__main__
+import gateway.relay.__main__, gateway.relay.run
 from gateway.ipc.notes import LogFormat, note_writer
 from gateway.ipc.plan import GatewayPlan
 from gateway.relay.gateway import Relay

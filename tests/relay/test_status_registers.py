@@ -7,7 +7,7 @@ from gateway.compensation.units import Units
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import CompensationMode, ControllerPlan, Reference
 from gateway.exchange.rights import Rights
-from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES
+from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES
 from gateway.relay.status_unit import BLOCKS, COMPENSATION_CODES, DIRECTION_CODES, StatusUnit
 from tests.exchange.line_bench import COMMAND, MS, Bench, Port, axis_plan, write
 

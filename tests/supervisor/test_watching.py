@@ -3,6 +3,8 @@
 import asyncio
 from pathlib import Path
 
+import pytest
+
 from gateway.supervisor.sights import look
 from gateway.supervisor.watching import Watch
 
@@ -23,6 +25,31 @@ def test_following_the_same_files_again_does_not_cut_the_rest_short(tmp_path: Pa
         return is_resting
 
     assert asyncio.run(rests())
+
+
+@pytest.mark.parametrize("turns", range(6))
+def test_a_rest_that_is_woken_and_ended_at_once_ends(turns: int) -> None:
+    """``asyncio.wait_for`` of Python 3.11 loses a cancellation that comes with what it waits for."""
+
+    async def has_ended() -> bool:
+        watch = Watch()
+
+        async def go_on() -> None:
+            while True:
+                await watch.rest()
+
+        resting = asyncio.create_task(go_on())
+        for _ in range(5):
+            await asyncio.sleep(0)
+        watch.wake()
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        resting.cancel()
+        for _ in range(10):
+            await asyncio.sleep(0)
+        return resting.done()
+
+    assert asyncio.run(has_ended())
 
 
 def test_a_file_counts_as_it_was_seen_once_it_was_taken(tmp_path: Path) -> None:

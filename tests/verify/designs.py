@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any, Final
 
-from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
+from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, Reference
 from tests.exchange.line_bench import axis_plan
 from tests.exchange.staged_bench import BITS, COMMANDED, STAGED
 from tests.verify import designs_frames, designs_mutants
@@ -480,6 +480,29 @@ CLOSING: Final = (
         "off and on",
         happenings=(*TIME, "switch"),
         targets=(9007,),
+    ),
+    _small(
+        "s-dry-run",
+        "a dry run, and its end",
+        _plan(compensation=CompensationMode.SHADOW),
+        menu=("to", "read", "status"),
+        happenings=(*TIME, "end_dry_run"),
+    ),
+    _small(
+        "s-dry-run-refused",
+        "the same, refused and obeyed without an answer",
+        _plan(compensation=CompensationMode.SHADOW),
+        answers=("ack", "refuse", "obey"),
+        happenings=(*TIME, "end_dry_run"),
+        targets=(9007,),
+        is_answered=False,
+    ),
+    _small_staged(
+        "s-dry-run-staged",
+        "the same, staged, stopped and jogged",
+        _staged(compensation=CompensationMode.SHADOW),
+        menu=("to", "run", "stop", "read", "status"),
+        happenings=(*TIME, "jog", "end_dry_run"),
     ),
     _small(
         "s-table-switch",

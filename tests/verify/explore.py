@@ -21,7 +21,7 @@ KINDLY: Final = frozenset(
     {"ask", "drive", "arrive", "wait", "plug", "homed", "done", "undone", "late", "tail", "reply_tail"}
 )
 """Events of which a way back may consist: traffic, a drive that does what it is told, time."""
-BY_A_PERSON: Final = frozenset({"declare", "switch"})
+BY_A_PERSON: Final = frozenset({"declare", "switch", "end_dry_run"})
 UNKIND: Final = frozenset({"refuse", "obey", "obey-refuse", "garble"})
 SETTLE: Final = ("settle",)
 """On a way: the drive acknowledges until nothing is on the wire any more."""

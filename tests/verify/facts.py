@@ -466,7 +466,8 @@ def judge(world: "World", before: "tuple[Said, ...]", told: list[Event], *, is_r
     for number, plan in enumerate(world.design.plans):
         said = world.said(number)
         _judge_reference(world, number, said)
-        if "remap" not in world.design.menu and (said.compensation == "off") is world.state.is_wanted:
+        is_off = said.compensation in ("off", "shadow")
+        if "remap" not in world.design.menu and is_off is world.state.is_wanted:
             raise BrokenRuleError(f"it is said: {said.compensation}, whatever was switched (8)")
         _judge_block(world, number, said)
         rules.judge_direction(world, number)

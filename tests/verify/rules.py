@@ -24,7 +24,7 @@ ONE: Final = 1.0 + 1e-6
 """These two are in steps of a register."""
 SLOPE_COUNTS: Final = 3.0
 """What rounding on two scales and an inverse on a steep slope may put a reading beside the branches."""
-PASSING: Final = frozenset({"unreferenced", "off", "no-table"})
+PASSING: Final = frozenset({"unreferenced", "off", "no-table", "shadow"})
 """States in which positions go through 1:1 (M9)."""
 PASSED_STORED: Final = "no-table"
 """What a position that the drive keeps is run as, where its map lets it pass: 1:1."""
@@ -1166,6 +1166,19 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     world.state = world.state._replace(axes=tuple(axes))
 
 
+def judge_dry_run(world: "World", number: int, refusal: str) -> None:
+    """A dry run ends where the axis was seen at its last target, and not on a way. Raises BrokenRuleError."""
+    axis = world.state.axes[number]
+    run = axis.run
+    if run is None or not run.is_told:
+        return
+    is_there = axis.goes_counts is None and axis.stands_counts == run.end_counts
+    if not refusal and not is_there and not run.seen:
+        raise BrokenRuleError(f"a dry run ended on the way to {run.end_counts} (3)")
+    if refusal and is_there and run.seen == 3 and world.state.wire is None:
+        raise BrokenRuleError(f"a dry run does not end at {run.end_counts}: {refusal} (3)")
+
+
 def _judge_reading(world: "World", number: int, read_counts: float, step_counts: float) -> None:
     """``step_counts``: what the register read can tell; a target between its steps reads rounded."""
     axis, said = world.state.axes[number], world.said(number)
@@ -1177,8 +1190,9 @@ def _judge_reading(world: "World", number: int, read_counts: float, step_counts:
         return  # an offset that fades, and a drive that lags
     if said.compensation in PASSING:
         is_as_it_is = abs(read_counts - stands) <= ROUNDING * step_counts
-        if not world.state.is_wanted or is_as_it_is or run is not None:
-            return  # a fade leads to 1:1, and a target that was told holds
+        is_known = run is not None or not world.state.is_wanted
+        if is_as_it_is or (is_known and said.compensation != "shadow"):
+            return  # a fade leads to 1:1, and a target that was told holds; a dry run has neither
         raise BrokenRuleError(
             f"an axis that is {said.compensation} stands at {stands} and reads {read_counts} (3)"
         )

@@ -11,11 +11,20 @@ from typing import Any, Final, NamedTuple
 
 from gateway.compensation.settings import Gain
 from gateway.exchange.axis.record_layout import BOOT, HEADER, SLOT_SIZE, SLOTS_AT
-from gateway.exchange.control import Declare, SetGain, SetTables, SetTemperature, Switch, TableChange
+from gateway.exchange.control import (
+    ControlError,
+    Declare,
+    EndDryRun,
+    SetGain,
+    SetTables,
+    SetTemperature,
+    Switch,
+    TableChange,
+)
 from gateway.exchange.events import Event
 from gateway.exchange.gate import UNSEEN
 from gateway.exchange.line import LineExchange
-from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
+from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import Stopping
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
@@ -529,7 +538,8 @@ class World:
         ports, axes = len(design.controllers), len(design.plans)
         up = int(design.is_up_at_start)
         beginning = tuple(Axis(facts=facts.first(plan), trigger=up) for plan in design.plans)
-        self.state = State(beginning, ((Belief(),) * axes,) * ports, ((),) * ports)
+        is_dry = any(plan.compensation is CompensationMode.SHADOW for plan in design.plans)
+        self.state = State(beginning, ((Belief(),) * axes,) * ports, ((),) * ports, is_wanted=not is_dry)
         self._attach()
         self._call("link_up", self.now_ns)
         self._collect()
@@ -1123,6 +1133,15 @@ class World:
         self.state = self.state._replace(is_wanted=not self.state.is_wanted)
         self._control(lambda: Switch(self.design.plans[0].name, self.state.is_wanted))
 
+    def _on_end_dry_run(self) -> None:
+        try:
+            self._control(lambda: EndDryRun(self.design.plans[0].name))
+        except ControlError as error:
+            rules.judge_dry_run(self, 0, str(error))
+        else:
+            self.state = self.state._replace(is_wanted=True)
+            rules.judge_dry_run(self, 0, "")
+
     def _on_declare(self) -> None:
         facts.declared(self, 0)
         self._control(lambda: Declare(self.design.plans[0].name))
@@ -1433,6 +1452,7 @@ OF_WORLD: Final[dict[str, Callable[[State], bool]]] = {
     "gain": lambda state: True,
     "temperature": lambda state: True,
     "switch": lambda state: True,
+    "end_dry_run": lambda state: not state.is_wanted,
     "declare": lambda state: True,
 }
 

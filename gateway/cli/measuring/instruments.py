@@ -16,7 +16,8 @@ from typing import Final, Protocol
 
 from gateway.cli.measuring.columns import Columns
 from gateway.cli.measuring.errors import BadReadingError, InstrumentError, StoppedError
-from gateway.metrology.gauges import GaugeError, GaugeKind, GaugeLines, reading_of
+from gateway.metrology.gauge_kinds import GaugeKind
+from gateway.metrology.gauges import GaugeError, GaugeLines, reading_of
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import TransportError

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gateway.metrology.gauges import GaugeKind
+from gateway.metrology.gauge_kinds import GaugeKind
 
 Option = typer.Option
 

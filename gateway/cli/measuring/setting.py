@@ -13,7 +13,8 @@ from gateway.cli.measuring.running import Manners
 from gateway.compensation.units import Units
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.gauges import DEFAULTS, GaugeError, GaugeKind, pattern_of
+from gateway.metrology.gauge_kinds import GaugeKind
+from gateway.metrology.gauges import DEFAULTS, GaugeError, pattern_of
 from gateway.metrology.program import DECIMALS, even_targets, random_targets
 from gateway.transport.endpoints import SerialEndpoint
 

@@ -40,14 +40,13 @@ class FieldImage:
 
     __slots__ = (
         "_all_words",
-        "_either",
         "_lost_ns",
         "_missing",
         "_parts",
         "_restaged",
         "_since_ns",
+        "_there",
         "completeness",
-        "corrected_words",
         "epoch",
         "may_be_corrected",
         "nominal_words",
@@ -56,8 +55,9 @@ class FieldImage:
     def __init__(self, field: PositionField) -> None:
         self.nominal_words: bytes | None = None
         """What the controller believes the drive holds; None: not known."""
-        self.corrected_words: bytes | None = None
-        """What the drive acknowledged; None: not known."""
+        self._there: tuple[bytes | None, ...] = ()
+        """What the drive acknowledged; two: it holds one of them, a target was written anew in vain; empty:
+        not known."""
         self.completeness = Completeness.WHOLE
         self._all_words = (1 << field.words) - 1
         self._parts = bytearray(2 * field.words)
@@ -66,14 +66,17 @@ class FieldImage:
         self._since_ns = 0
         self._restaged: dict[int, bytes] = {}
         """Words that were written anew one by one while ``corrected_words`` is not known, by their number."""
-        self._either: tuple[bytes | None, ...] = ()
-        """Words of which the drive holds one or the other, where a target was written anew in vain."""
         self._lost_ns = 0
         """When the newest write that was lost had come."""
         self.may_be_corrected = False
         """The drive may hold other words than the controller wrote."""
         self.epoch = 0
         """Goes up with each write that was lost: what was sent in an earlier one does not make up for it."""
+
+    @property
+    def corrected_words(self) -> bytes | None:
+        """What the drive acknowledged; None: not known."""
+        return self._there[0] if len(self._there) == 1 else None
 
     @property
     def is_torn(self) -> bool:
@@ -89,8 +92,7 @@ class FieldImage:
             epoch: of the field, when they were sent; None: nothing has been lost since.
         """
         self.nominal_words = nominal_words
-        self.corrected_words = corrected_words
-        self._either = ()
+        self._there = () if corrected_words is None else (corrected_words,)
         if self._restaged:
             self._restaged.clear()
         self.may_be_corrected = corrected_words != nominal_words
@@ -108,20 +110,18 @@ class FieldImage:
 
     def doubt(self) -> None:
         """The drive may hold another target than it was told; what the controller believes stays."""
-        self.corrected_words = None
-        self._either = ()
+        self._there = ()
         self._restaged.clear()
 
     def doubt_restaged(self, corrected_words: bytes) -> None:
         """A target was written anew, and not acknowledged: the drive holds it so, or as before."""
         either = (self.corrected_words, corrected_words)
         self.doubt()
-        self._either = either
+        self._there = either
 
     def means(self, words: bytes) -> bytes | None:
         """Return what the controller wrote, where words that were read stand for that; else None."""
-        is_known = words == self.corrected_words or words in self._either
-        return self.nominal_words if is_known else None
+        return self.nominal_words if words in self._there else None
 
     def holds(self, first: int, words: bytes) -> bool:
         """Whether the drive is known to hold these words from word ``first`` on."""

@@ -16,7 +16,7 @@ from prometheus_client.metrics_core import (
 from prometheus_client.registry import Collector
 
 from gateway.catalogue.counters import meaning
-from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
+from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.supervisor.book import FileState
 from gateway.supervisor.feeds import Feeds
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from math import ceil
 from typing import Any, Final
 
-from gateway.exchange.status import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
+from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.supervisor.mqtt.messages import Payload
 from gateway.supervisor.mqtt.settings import Settings
 

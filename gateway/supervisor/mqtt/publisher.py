@@ -13,11 +13,12 @@ from gateway.supervisor.mqtt.commander import Commander
 from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.connection import connected
 from gateway.supervisor.mqtt.ending import apart, end
+from gateway.supervisor.mqtt.hearing import Hear
 from gateway.supervisor.mqtt.outbox import Outbox
 from gateway.supervisor.mqtt.reasons import is_cut, taken_over, why
 from gateway.supervisor.mqtt.retained import RETAINED_NAME, Ledger
 from gateway.supervisor.mqtt.sending import Sender, Tally
-from gateway.supervisor.mqtt.sensors import Hear, subscribe_sensors
+from gateway.supervisor.mqtt.sensors import subscribe_sensors
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.saying import Say
 

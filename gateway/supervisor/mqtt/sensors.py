@@ -1,24 +1,11 @@
 """Listening to the topics of sensors, on the connection that the status is published over."""
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import aiomqtt
 from paho.mqtt.reasoncodes import ReasonCode
 
 from gateway.supervisor.mqtt.commander import FAILURE
-
-
-class Hear(Protocol):
-    """Takes a message of a sensor; does not block."""
-
-    def __call__(self, topic: str, payload: bytes, *, is_retained: bool) -> None:
-        """Take it."""
-        ...
-
-
-def hear_nothing(topic: str, payload: bytes, *, is_retained: bool) -> None:
-    """Take a message and forget it."""
 
 
 async def subscribe_sensors(client: aiomqtt.Client, topics: Sequence[str]) -> str | None:

@@ -2,16 +2,18 @@
 
 import asyncio
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.ending import end
+from gateway.supervisor.mqtt.hearing import Hear, hear_nothing
 from gateway.supervisor.mqtt.outbox import Outbox
-from gateway.supervisor.mqtt.publisher import Publisher
-from gateway.supervisor.mqtt.sensors import Hear, hear_nothing
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.saying import Say
+
+if TYPE_CHECKING:
+    from gateway.supervisor.mqtt.publisher import Publisher
 
 STATUS_WITHOUT: Final[dict[str, Any]] = {
     "problem": None,
@@ -79,6 +81,10 @@ class MqttService:
 
     async def _publish(self, settings: Settings, outbox: Outbox) -> None:
         """Publish until there are other settings."""
+        # It loads the library, which a gateway without a broker does without. Where that cannot be loaded the
+        # supervisor ends here, as soon as a configuration asks for it.
+        from gateway.supervisor.mqtt.publisher import Publisher
+
         self.publisher = Publisher(
             settings, outbox, self._say, self._orders, state=self._state, hear=self._hear
         )

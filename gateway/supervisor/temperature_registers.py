@@ -1,0 +1,49 @@
+"""Temperatures that are read over Modbus, each on a connection of its own."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+
+from gateway.config.terms_model import TemperatureSource
+from gateway.modbus.pdu import is_exception
+from gateway.modbus.registers import PositionField
+from gateway.transport.errors import TransportError
+from gateway.transport.master import ModbusMaster, NoReplyError
+
+PATIENCE_MS: Final = 2000.0
+EXCEPTION_SIZE: Final = 2
+"""Bytes of a PDU that refuses; a device may send less, or more."""
+
+
+async def read_on(
+    source: TemperatureSource, take: Callable[[float], None], complain: Callable[[str], None]
+) -> None:
+    """Read a register again and again; a connection that is lost is opened again.
+
+    ``take`` gets each value, ``complain`` why there is none.
+    """
+    while True:
+        try:
+            await _read_connected(source, take, complain)
+        except (TransportError, NoReplyError, OSError) as error:
+            complain(f"{source.modbus}: {error}")
+        await asyncio.sleep(source.every_s)
+
+
+async def _read_connected(
+    source: TemperatureSource, take: Callable[[float], None], complain: Callable[[str], None]
+) -> None:
+    assert source.modbus is not None
+    assert source.address is not None
+    place = PositionField(source.address, source.type, source.words)
+    request = bytes((source.function,)) + source.address.to_bytes(2, "big") + bytes((0, place.words))
+    async with ModbusMaster(source.modbus, timeout_ms=PATIENCE_MS) as master:
+        while True:
+            reply = await master.exchange(source.unit_id, request)
+            if is_exception(reply) and len(reply) == EXCEPTION_SIZE:
+                complain(f"{source.modbus}: exception {reply[1]:#04x}")
+            elif len(reply) != 2 + 2 * place.words or reply[0] != source.function:
+                complain(f"{source.modbus}: found {reply.hex(' ')}")
+            else:
+                take(place.unpack(reply[2:]) * source.scale)
+            await asyncio.sleep(source.every_s)
