@@ -388,7 +388,11 @@ def _hand_over(
         done.append(_done(ask(path, ClearTable(axes=gone))))
     live = [axis for line in settled.plan.lines for axis in line.axes if _goes_live(in_force, axis)]
     if live:
-        done.append(_done(ask(path, EndDryRun(axes=tuple(axis.name for axis in live)))))
+        ended = _done(ask(path, EndDryRun(axes=tuple(axis.name for axis in live))))
+        done.append(ended)
+        if ended.problems:
+            stay = {f"axis.{axis.name}.compensation" for axis in live}
+            outcome = replace(outcome, changed=tuple(key for key in outcome.changed if key not in stay))
     comes = {name: how for one in done for name, how in one.comes.items()}
     problems = tuple(f"{path}: {problem}" for one in done for problem in one.problems)
     return replace(outcome, comes=comes, gone=gone, problems=outcome.problems + problems)

@@ -154,3 +154,19 @@ def test_a_dry_run_ends_with_a_reload_and_comes_back_with_a_restart_only(site: S
         assert master.move(50_000) == 50_050
         assert gateway.end() == 0
     assert [note["axes"] for note in gateway.notes if note["event"] == "dry-run-ended"] == [["x"]]
+
+
+def test_a_dry_run_that_cannot_end_yet_is_not_said_to_have_ended(site: Site) -> None:
+    config, on = str(site.config), site.config.read_text()
+    site.config.write_text(on.replace('table = "x.tab"', 'table = "x.tab"\ncompensation = "shadow"'))
+    with gateway_of(site) as (gateway, master):
+        assert master.move(50_000) == 50_000
+        site.drive.is_silent = True
+        master.send(60_000)
+        assert master.is_answered_with_an_exception()  # nobody knows where it goes
+        site.config.write_text(on)
+        refused = typed("reload", config)
+        assert (refused.returncode, refused.stdout) == (1, "")
+        assert "axis x stays in shadow: " in refused.stderr
+        assert gateway.end() == 0
+    assert "dry-run-ended" not in [note["event"] for note in gateway.notes]

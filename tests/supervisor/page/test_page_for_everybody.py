@@ -97,6 +97,21 @@ def test_it_fits_phones_and_walls(visit: Visit, columns: dict[int, int], axes: i
     assert visit.page.evaluate(left_of_card) == 0
 
 
+@pytest.mark.parametrize("visit", [{"viewport": {"width": 1920, "height": 1080}}], indirect=True)
+@pytest.mark.parametrize("axes", [1, 3, 6])
+def test_lines_and_troubles_are_seen_without_scrolling(visit: Visit, axes: int) -> None:
+    lay_out(visit, axes)
+    names = [f"a{index}" for index in range(axes)]
+    troubles = [trouble(where=f"axis a{axes - 1}"), trouble(kind="unreferenced", where="axis a0")]
+    visit.stage.show(model(dict.fromkeys(names, axis()), {"xy": line(), "z": line()}, *troubles))
+    visit.until("document.querySelectorAll('article.line').length", 2)
+    visit.until("document.querySelectorAll('#troubles li').length", 2)
+    shown = "article.line .state, article.line .controllers, #troubles li"
+    lowest = f"""Math.max(...[...document.querySelectorAll({shown!r})]
+      .map((one) => one.getBoundingClientRect().bottom))"""
+    assert visit.page.evaluate(lowest) <= 1080
+
+
 @pytest.mark.parametrize(
     ("visit", "axes", "least_px"),
     [
