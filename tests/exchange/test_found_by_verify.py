@@ -7,8 +7,9 @@ counts 1000 per mm on the table ``tests.verify.screw.WORN``.
 from dataclasses import replace
 
 from gateway.drives.motion import Action, ModePlan, MotionPlan
+from gateway.exchange.status import direction_state
 from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, Bench, axis_plan, read, write
-from tests.exchange.staged_bench import COMMANDED, JOG_PDU, MODE, RUN_PDU, StagedBench, staged_plan
+from tests.exchange.staged_bench import COMMANDED, JOG_PDU, MODE, RUN_PDU, STOP_PDU, StagedBench, staged_plan
 from tests.verify.designs import BY_NAME
 from tests.verify.explore import play, replay
 from tests.verify.screw import WORN
@@ -450,3 +451,20 @@ def test_a_target_that_could_not_be_written_anew_reads_back_as_it_was_written() 
     for held in (5010, 4990):
         bench.memory.put(COMMAND, held)
         assert bench.ask(read(COMMAND)) == b"\x03\x04" + COMMAND.pack(5000)
+
+
+def test_an_axis_that_was_told_to_stay_and_is_seen_elsewhere_later_has_been_moved() -> None:
+    """M4, M6: it stands at 1000 (1010), is stopped and sent there once more. Somebody jogs it to 3000. Seen
+    there after a while, it is sent to 1000 once more: that is backward, 990, and certain."""
+    bench = StagedBench(staged_plan(), serial=False)
+    bench.go_to(1000)
+    bench.ask(STOP_PDU)
+    bench.trigger()
+    for place in (ACTUAL, COMMANDED):
+        bench.memory.put(place, 3000)
+    bench.drive.set_bits(is_done=True)
+    bench.wait(1200)
+    bench.ask(read(ACTUAL))
+    bench.trigger()
+    assert bench.drive.moves == [("absolute", 1010), ("stop", 1010), ("absolute", 1010), ("absolute", 990)]
+    assert direction_state(bench.line.axes[0]) == "backward"

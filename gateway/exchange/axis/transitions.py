@@ -1120,7 +1120,8 @@ class Axis(AxisState):
         Of one that set out from nobody knows where every place is on it; a stream leaves none.
         """
         low, high = self.compensation.way
-        if low < high and not self.compensation.is_stream and not self._is_on_way(actual):
+        is_known = low < high or self.whereabouts is _SET_OUT
+        if is_known and not self.compensation.is_stream and not self._is_on_way(actual):
             self.displace()
 
     def observe_bit(self, name: str, asked_ns: int, *, is_set: bool) -> None:
