@@ -735,14 +735,16 @@ class Axis(AxisState):
 
     def leave_run_unproven(self, rendering: Rendering, now_ns: int) -> None:
         """A trigger was not acknowledged: the drive holds its target, and may be going there or not."""
-        before = self.unproven or self.compensation.accepted
+        unproven, before = self.unproven, self.unproven or self.compensation.accepted
         self.displace(now_ns)
         if rendering.move is None:
             return
         self._happens(Happening.UNACKNOWLEDGED)
         if before is not None:  # who is seen near both went to either
             distance_counts = abs(rendering.corrected_counts - before.corrected_counts)
-            is_beside = distance_counts <= 2.0 * self.plan.settings.hysteresis_counts
+            is_beside = 0.0 < distance_counts <= 2.0 * self.plan.settings.hysteresis_counts
+            if unproven is not None and not distance_counts:  # the same once more
+                is_beside = unproven.is_beside_another
             rendering = self._marked(rendering, rendering._replace(is_beside_another=is_beside))
         self.unproven = rendering
 
