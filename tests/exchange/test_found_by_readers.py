@@ -676,3 +676,17 @@ def test_a_target_beside_the_one_before_is_not_proven_by_the_arrival_at_that_one
     bench.stage(1000)
     bench.trigger()
     assert bench.drive.moves == [("absolute", 1010), ("absolute", 1010)]
+
+
+def test_the_same_target_lost_twice_is_proven_by_its_arrival() -> None:
+    """M7: 1000 (1010) is carried out twice, and not acknowledged once. Seen at 1010, the axis reads 1000."""
+    bench = Bench(axis_plan(), serial=False, tcp_drive=True)
+    bench.ask(read(ACTUAL))
+    for _ in range(2):
+        bench.send(write(COMMAND, 1000))
+        bench.serve_reads()
+        assert bench.link.take() == write(COMMAND, 1010)
+        bench.wait(1001)
+    bench.port.replies.clear()
+    bench.memory.put(ACTUAL, 1010)
+    assert bench.ask(read(ACTUAL)) == b"\x03\x04" + ACTUAL.pack(1000)
