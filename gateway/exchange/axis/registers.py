@@ -56,8 +56,8 @@ class FieldImage:
         self.nominal_words: bytes | None = None
         """What the controller believes the drive holds; None: not known."""
         self._there: tuple[bytes | None, ...] = ()
-        """What the drive acknowledged; two: it holds one of them, a target was written anew in vain; empty:
-        not known."""
+        """What the drive acknowledged. Two: it holds one of them, for a target was written anew and that was
+        not acknowledged; None among them: what stood there was not known. Empty: not known."""
         self.completeness = Completeness.WHOLE
         self._all_words = (1 << field.words) - 1
         self._parts = bytearray(2 * field.words)

@@ -227,7 +227,7 @@ class Rendering(NamedTuple):
     stood_there: bool = False
     """Of one that was not acknowledged: the drive held these words before, so to read them proves nothing."""
     is_beside_another: bool = False
-    """The same: the target before it is so near that to see the axis there proves nothing."""
+    """Of such: the target right before it is so near that to see the axis there proves nothing."""
 
 
 class Retained(NamedTuple):
