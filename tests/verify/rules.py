@@ -414,7 +414,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
     if is_run and belief.lost == NEVER_WRITTEN and world.design.plans[number].motion.passes_stored_moves:
         is_lost, compensation = True, PASSED_STORED  # a position that the drive keeps
     target = belief.steps * world.design.step_counts
-    is_kept = base is not None or (run is not None and run.nominal_counts == target)
+    is_kept = base is not None or target in (each.nominal_counts for each in (run, axis.tried) if each)
     return Aim(
         target,
         axis.stands_counts,

@@ -1372,6 +1372,7 @@ class Axis(AxisState):
             start,
         )
         if finding not in PROVEN:
+            self.pending = rendering  # its record goes on to name it, for the next start as for this one
             self.leave_unproven(rendering, self.heard_ns)
             return
         if self.plan.has_rules:
