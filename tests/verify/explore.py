@@ -29,8 +29,8 @@ MOST_STEPS: Final = 200
 RANDOM_STEPS: Final = 60
 """Of one random walk, before the next one begins."""
 COMPARE_EVERY: Final = 4
-"""Random steps from one look at what the fast and the slow path have left behind to the next: each takes
-longer than a step. Their bytes are compared with every step, what they leave in every state that is walked."""
+"""Random steps from one look at what the fast and the slow path have left behind to the next: it takes longer
+than a step. Their bytes are compared with each step, and what they leave in each state that is walked."""
 
 
 @dataclass
