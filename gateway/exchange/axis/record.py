@@ -256,7 +256,7 @@ class Record:
             specs = (state.spec, state.previous, after.spec, after.previous, axis.wanted)
             ends = (pending.move.nominal_counts, pending.corrected_counts)
             move = (pending.is_distance, pending.number, *ends, *_state_numbers(after))
-        has_target = accepted is not None and on_wire is not OnWire.STOP
+        has_target = accepted is not None
         numbers = (
             has_target,
             has_target and _was_there(axis),
