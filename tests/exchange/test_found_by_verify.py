@@ -9,7 +9,16 @@ from dataclasses import replace
 from gateway.drives.motion import Action, ModePlan, MotionPlan
 from gateway.exchange.status import direction_state
 from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, Bench, axis_plan, read, write
-from tests.exchange.staged_bench import COMMANDED, JOG_PDU, MODE, RUN_PDU, STOP_PDU, StagedBench, staged_plan
+from tests.exchange.staged_bench import (
+    COMMANDED,
+    JOG_PDU,
+    MODE,
+    RUN_PDU,
+    RUN_RELATIVE_PDU,
+    STOP_PDU,
+    StagedBench,
+    staged_plan,
+)
 from tests.verify.designs import BY_NAME
 from tests.verify.explore import play, replay
 from tests.verify.screw import WORN
@@ -511,3 +520,34 @@ def test_an_axis_that_was_told_to_stay_and_is_seen_elsewhere_later_has_been_move
     bench.trigger()
     assert bench.drive.moves == [("absolute", 1010), ("stop", 1010), ("absolute", 1010), ("absolute", 990)]
     assert direction_state(bench.line.axes[0]) == "backward"
+
+
+def test_an_axis_that_was_stopped_on_a_way_whose_branch_was_assumed_is_judged_on_the_drives_scale() -> None:
+    """M6: it stands at 1000 (1010), and has not begun to go to -3000 (-3010) when 1000 comes: 990, flagged.
+    Stopped before it goes, it stands where 1000 is forward. It was taken to be at 1020, and 1000 to be
+    backward and certain."""
+    bench = StagedBench(staged_plan(), serial=False)
+    bench.go_to(1000)
+    for target in (-3000, 1000):
+        bench.stage(target)
+        bench.trigger()
+    assert direction_state(bench.line.axes[0]) == "unsure"
+    bench.ask(STOP_PDU)
+    bench.trigger()
+    moves = [("absolute", 1010), ("absolute", -3010), ("absolute", 990), ("stop", 1010), ("absolute", 1010)]
+    assert bench.drive.moves == moves
+    assert direction_state(bench.line.axes[0]) == "forward"
+
+
+def test_a_distance_from_a_way_whose_branch_was_assumed_is_flagged() -> None:
+    """M5, M6: stopped as above, nobody knows whether 1010 is 1000 forward or 1020 backward."""
+    bench = StagedBench(staged_plan(), serial=False)
+    bench.go_to(1000)
+    for target in (-3000, 1000):
+        bench.stage(target)
+        bench.trigger()
+    bench.ask(STOP_PDU)
+    bench.wait(1200)
+    bench.stage(500)
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert direction_state(bench.line.axes[0]) == "unsure"
