@@ -779,7 +779,10 @@ class LineExchange:
         patience_ns = self._response_timeout_ns
         port = transaction.port
         if port is not None and port.patience_ns > patience_ns and transaction.added is None:
-            patience_ns = port.patience_ns
+            # A read that tries a dead drive (W11) keeps the others waiting no longer than a drive may take.
+            is_trial = bool(self.answers.silences) and self.answers.dead((unit_id,)) is not None
+            if not (is_trial and only_reads(pdu)):
+                patience_ns = port.patience_ns
         if port is not None and self.answers.silences and not transaction.is_stop:
             self.answers.had_turn(id(port))
         if transaction.is_stop and self._is_early(transaction, now_ns):
