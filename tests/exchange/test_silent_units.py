@@ -104,9 +104,9 @@ def test_w11_trials_come_after_retry_ms_then_twice_as_late_up_to_10_s() -> None:
     assert pauses_ms == [2000, 4000, 8000, 10_000]
 
 
-def patient(**timing: float) -> Bench:
+def patient() -> Bench:
     """The same line, whose controllers wait for 1000 ms; unit id 2 has left three requests unanswered."""
-    bench = line(**timing)
+    bench = line()
     bench.port = controller("plc", timeout_ms=1000.0)
     for _ in range(3):
         bench.send(OTHER, unit_id=2)
