@@ -288,7 +288,8 @@ class Ledger:
                 if request.is_stop:
                     found.append(request)
                 elif is_first and not self._is_too_old(request):
-                    found.append(request)
+                    if request.may_leave:
+                        found.append(request)
                     is_first = False
         found.sort(key=lambda request: request.arrived_ns)
         return [request for request in found if request.unit == unit]
