@@ -5,6 +5,8 @@ TOOLS := build/tools
 # More than cores, because most of the long ones wait for programs that they started.
 PYTEST := $(BIN)/python -m pytest --numprocesses $(shell expr $$(nproc) + 2) --dist loadfile --no-loadscope-reorder
 
+# Nothing of ours is a plugin of pydantic; to look for one reads what is installed, in each of them.
+export PYDANTIC_DISABLE_PLUGINS := __all__
 # Hundreds of interpreters start in a run: without compiled modules each would compile the program again.
 unexport PYTHONDONTWRITEBYTECODE
 # Where the locale knows ASCII only, Python cannot read the path of a checkout that has more in it.
