@@ -151,6 +151,7 @@ def test_a_configuration_that_was_compiled_for_the_next_start_outlives_a_table_t
     with running("supervise", config) as supervisor:
         with running("relay", config) as relay:
             supervisor.until("relay-reached")
+            assert typed("reload", config).stdout == "nothing has changed\n"  # it has read it by now
             site.config.write_text(site.config.read_text().replace("unit_id = 1", "unit_id = 2"))
             assert typed("check", "--compile", config).returncode == 0
             site.table.write_text(STEEPER)

@@ -50,7 +50,7 @@ def test_a_file_that_goes_takes_the_correction_with_it_and_brings_it_back(site: 
             if backup is None:
                 site.table.unlink()
             else:
-                site.table.rename(site.table.with_name(backup))
+                put_away = site.table.rename(site.table.with_name(backup))
             gone = gateway.until("table-taken-away")
             assert (gone["axis"], gone["comes"]) == ("x", "next-target")
             assert master.move(50_000) == 50_050  # by itself nothing moves
@@ -58,6 +58,7 @@ def test_a_file_that_goes_takes_the_correction_with_it_and_brings_it_back(site: 
             site.table.write_text(TABLE)
             assert gateway.until("table-handed-over")["axis"] == "x"
             assert master.move(50_000) == 50_050
+            put_away.unlink(missing_ok=True)
         assert gateway.end() == 0
 
 
