@@ -36,8 +36,13 @@ quick-tests: setup # of quick the tests alone
 test-pythons: setup ## the tests of quick on every Python that is claimed and found; PYTHONS="PATH ..." names more
 	$(BIN)/python tools/pythons.py
 
-test: setup test-programs check ## everything: checks, unit, property and end-to-end tests
+test: setup test-programs ## everything: checks, unit, property and end-to-end tests
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync check collected
 	$(PYTEST)
+
+# On a fresh checkout each worker would compile all tests, all at once; beside mypy there is a core for it.
+collected: setup
+	@$(BIN)/python -m pytest --collect-only --quiet >/dev/null || true  # what is wrong the run itself says
 
 # Not those of the package: they build one of the sources, and the compiled modules lie among these here.
 test-compiled: setup test-programs ## the same tests with the hot path compiled; needs a C compiler
