@@ -192,6 +192,49 @@ def test_a_gateway_that_was_killed_takes_no_target_for_reached_where_the_way_bef
     assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 22E8 0000")
 
 
+def test_a_record_does_not_count_at_a_lost_target_that_lies_on_the_way_to_the_one_before() -> None:
+    """M6, 5: the axis may have gone back, or not have begun yet. It was taken to be on its way forward, and
+    read 35 where target 203 had sent it.
+
+    9007 is 9172 forward; 203 is 34.92 backward.
+    """
+    lost = (
+        to(2),  # 10 0606 0002 04 232F 0000: 9007
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 23D4 0000: the way is 0 to 9172
+        to(0),  # 10 0606 0002 04 00CB 0000: 203
+        ACK,  # 03 0520 0002 -> 05DD 0000: seen at 1501
+        OBEY,  # 10 0606 0002 04 0023 0000: back to 35, not acknowledged
+        KILL,
+        ACK,  # 03 0520 0002 -> 05DD 0000
+        ARRIVE,
+        KILL,
+        ACK,  # 03 0520 0002 -> 0023 0000
+    )
+    world = play(BY_NAME["s-killed-onward"], *lost)
+    assert [event.kind.value for event in world.told] == ["record-not-used"]
+    assert world.said(0).direction == "unknown"
+
+
+def test_a_record_counts_at_the_second_kill_as_at_the_first() -> None:
+    """5: a setpoint is lost, the axis stands at the one before. The start took it up from its record, and
+    kept none: after the next one nobody knew its branch."""
+    lost = (
+        to(0),  # 10 0606 0002 04 03EB 0000: 1003
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,
+        to(2),  # 10 0606 0002 04 232F 0000: 9007
+        ACK,  # 10 0606 0002 04 235E 0000: 9054, half of its blend has gone
+        to(0),  # 10 0606 0002 04 034C 0000: never acknowledged
+        ARRIVE,  # at 9054
+    )
+    again = (KILL, ACK)  # 03 0520 0002 -> 235E 0000
+    for kills in (again, again * 2, again * 3):
+        world = play(BY_NAME["s-killed-stream"], *lost, *kills)
+        assert [event.kind.value for event in world.told] == ["restored"]
+        assert world.said(0).direction == "forward"
+
+
 REBOOT = ("reboot", 0)
 HOMED = ("homed", 0)
 

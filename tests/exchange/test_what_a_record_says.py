@@ -84,15 +84,36 @@ def test_a_stop_leaves_the_way_and_no_target() -> None:
     bench.stage(20_000)
     bench.trigger()
     bench.send(STOP_PDU)
-    for _ in range(2):  # while it is on the wire, and after its reply
+    for has_target in (True, False):  # while it is on the wire, and after its reply
         record = said(records)
-        assert (record.has_target, record.was_at_target) == (False, False)
+        assert (record.has_target, record.was_at_target) == (has_target, False)
         assert record.way == (19_990.0, 50_010.0)
         assert record.state.direction == -1
         bench.serve()
         bench.port.replies.clear()
     bench.send(JOG_PDU)
     assert records.read() is None
+
+
+@pytest.mark.parametrize("is_answered", [False, True])
+def test_a_distance_begins_where_a_stop_has_ended_the_way_before_a_kill(is_answered: bool) -> None:
+    """M5: from 50 mm (50,010) to 20 mm (19,990), and stopped half-way, at 35,000: half of the difference has
+    faded, so that reads 35 mm. 5 mm more are forward, 40,010, whether the stop was answered or not."""
+    bench, records = staged()
+    bench.stage(20_000)
+    bench.trigger()
+    bench.send(STOP_PDU)
+    if is_answered:
+        bench.serve()
+    again = StagedBench(staged_plan(), before_up=records.attach)
+    for place in (ACTUAL, COMMANDED):
+        again.memory.put(place, 35_000)
+    again.drive.set_bits(is_done=True)
+    again.serve()
+    again.wait(1200)
+    again.stage(5_000)
+    assert again.ask(RUN_RELATIVE_PDU) == RUN_RELATIVE_PDU
+    assert again.drive.moves == [("relative", 40_010)]
 
 
 def test_a_staged_target_changes_nothing_until_its_trigger() -> None:

@@ -6,6 +6,7 @@ trace as a test; a run of all worlds also where it did not meet what it should h
 """
 
 import argparse
+import multiprocessing
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -84,7 +85,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     names = asked.worlds or list(BY_NAME)
     closing = {design.name for design in (*CLOSING, *PAIRS)}
     outcomes: dict[str, Outcome] = {}
-    with ProcessPoolExecutor(max_workers=asked.jobs, max_tasks_per_child=1) as pool:
+    context = multiprocessing.get_context("forkserver")  # imports once, and not once for each world
+    context.set_forkserver_preload(["tests.verify.running"])
+    with ProcessPoolExecutor(asked.jobs, mp_context=context, max_tasks_per_child=1) as pool:
         waiting = []
         for name in names:
             seconds = asked.seconds or (CLOSING_SECONDS if name in closing else SECONDS)

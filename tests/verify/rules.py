@@ -414,7 +414,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
     if is_run and belief.lost == NEVER_WRITTEN and world.design.plans[number].motion.passes_stored_moves:
         is_lost, compensation = True, PASSED_STORED  # a position that the drive keeps
     target = belief.steps * world.design.step_counts
-    is_kept = base is not None or (run is not None and run.nominal_counts == target)
+    is_kept = base is not None or target in (each.nominal_counts for each in (run, axis.tried) if each)
     return Aim(
         target,
         axis.stands_counts,
@@ -713,7 +713,8 @@ def _judge_record(world: "World", number: int) -> None:
     # The same target again is the same words, and needs no read: the record says what the drive holds.
     is_acked = axis.goes_counts is None and not world.design.plans[number].has_rules and not run.doubt
     seen = run.kept_seen if axis.goes_counts is None else 0
-    note_run(world, number, is_told=True, is_recalled=False, is_acked=is_acked, seen=seen)
+    is_told = axis.tried is None or not world.design.is_stream  # its setpoint after that one is lost still
+    note_run(world, number, is_told=is_told, is_recalled=False, is_acked=is_acked, seen=seen)
 
 
 def _recall_stop(world: "World", number: int) -> None:

@@ -372,22 +372,23 @@ class Lens:
 
     def restore(self, snapshot: Snapshot, *, is_live_known: bool = True) -> None:
         """Put a state back. ``is_live_known``: nothing has changed since the last snapshot or restoring."""
-        last = self._last
+        last, is_same = self._last, is_
         for i, values in enumerate(snapshot.values):
             before = last[i]
             if values is before and is_live_known:
                 continue
             each, shape = self.objects[i], self._shapes[i]
+            if not (is_live_known and before):
+                before = self._getters[i](each)
+            last[i] = values
+            if len(values) == len(before) and all(map(is_same, values, before)):
+                continue
             if shape is None:
                 _refill(each, values)
-            elif is_live_known and before:
-                for name, new, old in zip(shape.names, values, before, strict=True):
-                    if new is not old:
-                        setattr(each, name, new)
-            else:
-                for name, new in zip(shape.names, values, strict=True):
+                continue
+            for name, new, old in zip(shape.names, values, before, strict=True):
+                if new is not old:
                     setattr(each, name, new)
-            last[i] = values
         for each, content in snapshot.passing:
             if isinstance(each, CONTAINERS):
                 _refill(each, content)
@@ -643,17 +644,20 @@ class Said(NamedTuple):
 
 def said(line: LineExchange) -> tuple[Said, ...]:
     """Return what a line says of each axis, as its status does."""
-    return tuple(
-        Said(
-            compensation_state(axis),
-            direction_state(axis),
-            axis.is_referenced,
-            axis.is_reference_told,
-            axis.blocked_by is not None,
-            axis.block is not Block.NONE,
-            None if axis.compensation.accepted is None else axis.compensation.accepted.nominal_counts,
-        )
-        for axis in line.axes
+    return tuple(said_of(axis) for axis in line.axes)
+
+
+def said_of(axis: Axis) -> Said:
+    """Return what a line says of one of its axes, as its status does."""
+    accepted = axis.compensation.accepted
+    return Said(
+        compensation_state(axis),
+        direction_state(axis),
+        axis.is_referenced,
+        axis.is_reference_told,
+        axis.blocked_by is not None,
+        axis.block is not Block.NONE,
+        None if accepted is None else accepted.nominal_counts,
     )
 
 

@@ -88,6 +88,8 @@ class Finding(Enum):
     """At the target that was on its way to the drive when the gateway ended: it has got there."""
     ON_WAY_TO_UNPROVEN = "on-way-to-unproven"
     """On the way to that one, where no other target can have brought it."""
+    EITHER = "either"
+    """At that one, and on the way to the last accepted target: nobody knows which of them it went to."""
 
 
 PROVEN: Final = frozenset({Finding.AT_UNPROVEN, Finding.ON_WAY_TO_UNPROVEN})
@@ -254,7 +256,7 @@ class Record:
             specs = (state.spec, state.previous, after.spec, after.previous, axis.wanted)
             ends = (pending.move.nominal_counts, pending.corrected_counts)
             move = (pending.is_distance, pending.number, *ends, *_state_numbers(after))
-        has_target = accepted is not None and on_wire is not OnWire.STOP
+        has_target = accepted is not None
         numbers = (
             has_target,
             has_target and _was_there(axis),
@@ -339,6 +341,11 @@ def find(axis: AxisState, record: Remembered, first: Actual, now: Actual) -> Fin
         now: the last one; the same at the first look.
     """
     finding = _find(axis, record, now.counts)
+    if finding is Finding.EITHER:
+        here, before = f"{now.counts:.10g} counts", f"{record.corrected_counts:.10g}"
+        return (
+            f"the drive stands at {here}, which is a lost target, and on the way to the one before, {before}"
+        )
     if finding is not None:
         return finding
     if axis.compensation.is_stream and record.has_target and _is_recent(record, first):
@@ -373,7 +380,7 @@ def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None
     """Compare where the drive is with where it may be; None where the record cannot be true.
 
     Between two targets of which one is not proven, the nearer one counts. Where the way to the proven one
-    leads over the other, or begins there, a place tells nothing; a stream goes on from setpoint to setpoint.
+    leads over the other, or begins there, it may be either; a stream goes on from setpoint to setpoint.
     """
     settings = axis.plan.settings
     near = settings.hysteresis_counts
@@ -388,7 +395,7 @@ def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None
     from_move = abs(counts - move.corrected_counts)
     is_ambiguous = is_on_way and not (is_at_target or axis.compensation.is_stream)
     if from_move <= near and is_ambiguous:
-        return Finding.ON_WAY
+        return Finding.EITHER
     if from_move <= near and not (is_at_target and from_target <= from_move):
         return Finding.AT_UNPROVEN
     if is_on_way:

@@ -196,8 +196,6 @@ class OnWire(Enum):
     """Nothing that moves it."""
     TARGET = "target"
     """A target that it has or has not got."""
-    STOP = "stop"
-    """Where it goes is not known from now on, only the way that it is on."""
     MOTION = "motion"
     """Something that moves it in a way which nobody can say."""
 

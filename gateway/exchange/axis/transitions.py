@@ -635,17 +635,6 @@ class Axis(AxisState):
         if self.on_wire is OnWire.TARGET and self.pending is None:
             self.pending = rendering
 
-    def send_stop(self) -> None:
-        """A stop goes out next: where the axis goes is not known from now on, only the way that it is on."""
-        record = self.record
-        if record is None or record.recalled is not None:
-            return
-        if self.pending is not None:
-            self.send_motion()
-            return
-        self.on_wire = OnWire.STOP
-        record.keep(self)
-
     def send_motion(self) -> None:
         """Something goes out that moves the axis in a way that its record does not say."""
         record = self.record
@@ -774,9 +763,13 @@ class Axis(AxisState):
         command = request.command
         if command is not None:
             runs_unknown = command.runs_alone and not request.runs
-            if command.is_stop and not command.sets_position_too:
-                self.send_stop()
-            elif command.is_stop or command.action in MOVES_OTHERWISE or command.is_doubtful or runs_unknown:
+            if (
+                command.is_stop
+            ):  # who is found on its way counts as stopped in any case (``may_have_stopped``)
+                is_untold = command.sets_position_too or self.pending is not None
+            else:
+                is_untold = command.action in MOVES_OTHERWISE or command.is_doubtful or runs_unknown
+            if is_untold:
                 self.send_motion()
         if request.blind or request.goes_unknown or request.remaps:
             self.send_motion()
@@ -1372,6 +1365,7 @@ class Axis(AxisState):
             start,
         )
         if finding not in PROVEN:
+            self.pending = rendering  # its record goes on to name it, for the next start as for this one
             self.leave_unproven(rendering, self.heard_ns)
             return
         if self.plan.has_rules:
