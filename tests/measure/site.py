@@ -28,7 +28,7 @@ from tests.ports import free_port
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
-SECONDS = 60.0
+SECONDS = 120.0
 COUNTS_PER_MM = 10_000.0
 WORN = Screw(
     length_mm=100.0,
