@@ -504,10 +504,11 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     run = axis.run
     is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
     is_again |= aim.tried is not None and aim.tried[0] == aim.nominal_counts
-    if "declare" in world.design.happenings and run is not None and not run.is_told:
-        is_again |= (
-            run.nominal_counts == aim.nominal_counts
-        )  # kept over a lost reference: the same words (M4)
+    if run is not None and (
+        run.state in PASSING or ("declare" in world.design.happenings and not run.is_told)
+    ):
+        # The same words as before the reference was lost, or found: no reading tells (M4).
+        is_again |= run.nominal_counts == aim.nominal_counts
     may_fail = world.design.refuses_reads or world.design.answers_before
     if may_fail or not plan.actual or is_again or plan.queues_targets:  # which may have others to go to first
         return
