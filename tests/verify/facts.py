@@ -189,6 +189,7 @@ def unanswered(
     if not is_cut and not has_said_something:
         facts = _fell_silent(facts, plan, world.now_ns, wire.sent_ns)
     note(world, number, facts)
+    rules.note_other_lost(world, number, wire)
     if wire.pdu[0] != 3:
         _target_ended(world, number, wire, NO_REPLY, is_native=False)
 

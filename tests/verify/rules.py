@@ -819,6 +819,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             note_lost(world, wire.owner, request)
         if wire.aim is not None:
             _judge_untold(world, number, wire.aim, reply)
+            note_other_lost(world, number, wire)
             _forget(world, number, wire)
         forget_stop(world, number)
         return
@@ -885,6 +886,15 @@ def _judge_untold(world: "World", number: int, aim: "Aim", reply: bytes) -> None
     target, before = world.said(number).target_counts, world.before[number].target_counts
     if aim.base is None and target == aim.nominal_counts != before:
         raise BrokenRuleError(f"target {target} was answered with {reply.hex(' ')}, and it is told (M7)")
+
+
+def note_other_lost(world: "World", number: int, wire: "Wire") -> None:
+    """After another target that was lost nobody knows which of both its drive holds over a lost reference."""
+    axes = list(world.state.axes)
+    held = axes[number].held
+    if held is not None and wire.aim is not None and wire.aim.nominal_counts != held.nominal_counts:
+        axes[number] = axes[number]._replace(held=None)
+        world.state = world.state._replace(axes=tuple(axes))
 
 
 def _forget(world: "World", number: int, wire: "Wire", *, was_told: bool = False) -> None:
