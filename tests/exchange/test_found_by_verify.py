@@ -654,15 +654,14 @@ def test_a_repeat_over_a_new_reference_that_is_lost_with_the_link_is_kept_over_t
         ACK,  # 03 005C 0001 -> 0110: homed
         ACK,  # 03 0520 0002 -> 0000 0000
         ACK,  # 10 0606 0002 04 23D4 0000: 9007 forward
-        ("unplug",),
+        to(0),
+        ("unplug",),  # 03 0520 0002, never answered
         REBOOT,
         ("plug",),
         to(1),
+        WAIT,
         ACK,  # 03 005C 0001 -> 0010: not homed
-        ACK,  # the same, for the target
-        ACK,  # 10 0606 0002 04 23D4 0000: the same words
         HOMED,
-        to(1),
         ACK,  # 03 005C 0001 -> 0110: homed
         ("unplug",),  # 10 0606 0002 04 23D4 0000, never answered
         ("plug",),
