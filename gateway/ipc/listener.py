@@ -44,9 +44,7 @@ class Listener:
             self._dropped += 1
         self._events.append(happened)
         soon_s = self._since_s + DEFAULT_INTERVAL_S
-        if (
-            not self._is_snapshot_due and soon_s < self._next_s
-        ):  # what has changed shows in a snapshot that nobody has to ask for
+        if not self._is_snapshot_due and soon_s < self._next_s:  # what has changed shows in a snapshot, soon
             self._be_due(soon_s)
 
     def follow(self, interval_s: float) -> None:

@@ -2,14 +2,12 @@
 
 import asyncio
 import contextlib
-import os
 import time
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-from gateway.supervisor import notices
 from gateway.supervisor.aside import aside
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight, State, Stillness
@@ -17,7 +15,9 @@ from gateway.supervisor.stillness import Sight, State, Stillness
 EVERY_S: Final = 1.0
 """Between two looks when nothing tells; what a network file system or a dead watcher needs."""
 SOON_S: Final = 0.1
-"""Between two looks while something changes, or is told to."""
+"""Between two looks while something changes."""
+STEP_MS: Final = 250
+"""Between two looks of the watcher at what the system has told; each wakes a thread, whether anything has."""
 SLOW_S: Final = 10.0
 """A look that takes longer is worth a word: a file system that does not answer."""
 
@@ -117,34 +117,17 @@ async def wake_on_change(folder: Path, wake: Callable[[], None], complain: Calla
     Where it cannot tell, as of a folder that is not there, the looks that a watch takes by itself have to do;
     why it cannot is said once.
     """
+    from watchfiles import awatch
+
     said = ""
     while True:
         try:
-            queue_fd = notices.create()
-            try:
-                await aside(partial(notices.add, queue_fd, folder))  # a folder may not answer
+            await aside(folder.stat)  # awatch looks on the loop: a folder that does not answer would stop all
+            async for _ in awatch(folder, watch_filter=None, debounce=STEP_MS, step=STEP_MS, recursive=False):
                 said = ""
-                await _wake_while_there(queue_fd, wake)
-            finally:
-                os.close(queue_fd)
-        except OSError as error:
+                wake()
+        except (OSError, RuntimeError) as error:
             if str(error) != said:
                 said = str(error)
                 complain(said)
         await asyncio.sleep(EVERY_S)
-
-
-async def _wake_while_there(queue_fd: int, wake: Callable[[], None]) -> None:
-    loop, is_told, is_there = asyncio.get_running_loop(), asyncio.Event(), True
-    loop.add_reader(queue_fd, is_told.set)
-    try:
-        while is_there:
-            await is_told.wait()
-            loop.remove_reader(queue_fd)  # of a file that is written all the time, not every byte is news
-            is_there = notices.take(queue_fd)
-            wake()
-            await asyncio.sleep(SOON_S)
-            is_told.clear()
-            loop.add_reader(queue_fd, is_told.set)
-    finally:
-        loop.remove_reader(queue_fd)
