@@ -6,6 +6,7 @@ tests reach the ports of the services. It needs root, and is not for machines wi
 
 import contextlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -44,7 +45,6 @@ mkdir {folder}/upper {folder}/work {folder}/root
 cp -a {folder}.files/. {folder}/upper/
 mount -t overlay overlay -o lowerdir=/,upperdir={folder}/upper,workdir={folder}/work {folder}/root
 cd {folder}/root
-mount --bind {repository} opt/pitch-gateway/src
 mount --bind {packages} opt/pitch-gateway/packages
 mount --bind {python} opt/pitch-gateway/python
 mount -t proc proc proc
@@ -73,6 +73,9 @@ def why_not() -> str:
         return "booting systemd in namespaces needs root"
     if not SYSTEMD.exists():
         return f"there is no {SYSTEMD}"
+    packages = Path(sysconfig.get_path("purelib"))
+    if packages.stat().st_mode & 0o005 != 0o005:
+        return f"{packages} is closed to the user of the service (a umask)"
     cgroups = _cgroups()
     if cgroups is None or not os.access(cgroups, os.W_OK):
         return "no cgroup2 is mounted that can be written"
@@ -133,7 +136,6 @@ def booted(folder: Path, files: dict[str, str]) -> Iterator[Machine]:
         namespaces=" ".join(NAMESPACES),
         cgroup=cgroup,
         folder=box,
-        repository=ROOT,
         packages=sysconfig.get_path("purelib"),
         python=sys.base_prefix,
         systemd=SYSTEMD,
@@ -166,8 +168,13 @@ def _lay_out(tree: Path, files: dict[str, str]) -> None:
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_text(text)
     (tree / f"{INSTALLED}/bin/pitch-gateway".lstrip("/")).chmod(0o755)
-    for mount in ("src", "packages", "python"):
+    for mount in ("packages", "python"):
         (tree / INSTALLED.lstrip("/") / mount).mkdir()
+    # Copied, for the service has a user of its own, who may not be able to enter where the sources are.
+    installed = tree / INSTALLED.lstrip("/") / "src" / "gateway"
+    shutil.copytree(ROOT / "gateway", installed, ignore=shutil.ignore_patterns("__pycache__"))
+    for copied in installed.rglob("*"):
+        copied.chmod(0o755 if copied.is_dir() else 0o644)
     system = tree / "etc/systemd/system"
     for unit in MASKED:
         (system / unit).symlink_to("/dev/null")
