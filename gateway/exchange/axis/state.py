@@ -554,7 +554,7 @@ class AxisState:
         )
 
     def retained_as(self, number: int, nominal_words: bytes) -> Retained | None:
-        """The target of before the reference changed, where these words are it again."""
+        """Return the target of before the reference changed, where these words are it again; else None."""
         retained = self.retained if self.whereabouts is Whereabouts.RETAINED else None
         if retained is None or (retained.number, retained.nominal_words) != (number, nominal_words):
             return None
