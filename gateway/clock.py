@@ -5,9 +5,12 @@ CLOCK_BOOTTIME; that of a paused virtual machine stands still with it (``docs/se
 """
 
 import time
-from functools import partial
 from typing import Final
 
 CLOCK: Final = time.CLOCK_BOOTTIME
-boot_ns: Final = partial(time.clock_gettime_ns, CLOCK)
-"""Return the time since the machine was booted, in ns."""
+_clock_ns: Final = time.clock_gettime_ns
+
+
+def boot_ns() -> int:
+    """Return the time since the machine was booted, in ns."""
+    return _clock_ns(CLOCK)

@@ -27,6 +27,7 @@ COMPILERS = ("mypy", "setuptools")
 COME_WITH_THEM = frozenset({"mypy_extensions"})
 """Packages that are there wherever the compilers are."""
 PATTERNS = (
+    "clock.py",
     "compensation/*.py",
     "exchange/*.py",
     "exchange/axis/*.py",

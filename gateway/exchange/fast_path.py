@@ -112,8 +112,10 @@ class WritePath(FastPath):
         "_codec",
         "_echo",
         "_end",
+        "_head",
         "_hold",
         "_image",
+        "_is_last",
         "_number",
         "_scale",
         "_start",
@@ -133,6 +135,10 @@ class WritePath(FastPath):
         self._codec, self._scale = hit.place.field.codec, hit.place.field.scale
         self._start = access.data_offset + 2 * hit.word
         self._end = self._start + 2 * hit.place.field.words
+        self._is_last = self._start == access.data_offset and self._end == len(pdu)
+        """The target is all that is written; else other words stand beside it."""
+        self._head = pdu[: access.data_offset]
+        """Which all requests of this path begin with."""
         self._echo = pdu[:5]
         self._asks_for_bits = unit.asks_for_bits
 
@@ -173,7 +179,7 @@ class WritePath(FastPath):
         transaction.carry(self, target)
         if axis.record is not None and not axis.send_steady(target):
             axis.send_target(transaction.rendering())
-        return pdu[:start] + corrected_words + pdu[end:]
+        return self._head + corrected_words if self._is_last else pdu[:start] + corrected_words + pdu[end:]
 
     def left(self, transaction: Transaction) -> None:
         """See ``FastPath``."""

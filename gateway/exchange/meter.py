@@ -106,6 +106,10 @@ class LineMeter:
         self._on_event = on_event
         self._what_ran = what_ran
         self._axes_over = 0
+        self._last_port: ControllerPort | None = None
+        self._last_unit_id = -1
+        self._last: Measured | None = None
+        """Where the transaction before was measured: mostly the next one belongs there too."""
         self.wire_ns = 0
         """All the time that bytes of transactions took on the drives' wire, as their number says."""
         self.added_ns = 0
@@ -135,7 +139,10 @@ class LineMeter:
         if not sent_ns or leg_ns < 0:
             return  # nobody keeps time, or nobody was there to answer
         unit_id = transaction.unit_id
-        measured = self.measured.get((port.name, unit_id)) or self._measured(port.name, unit_id)
+        measured = self._last
+        if port is not self._last_port or unit_id != self._last_unit_id or measured is None:
+            measured = self.measured.get((port.name, unit_id)) or self._measured(port.name, unit_id)
+            self._last_port, self._last_unit_id, self._last = port, unit_id, measured
         request_ns = sent_ns - (started_ns or transaction.arrived_ns) - sent.paced_ns
         gateway_ns = request_ns + leg_ns
         drive_ns = reply_ns - sent_ns

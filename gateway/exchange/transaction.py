@@ -99,6 +99,7 @@ _PREREQUISITE: Final = Phase.PREREQUISITE
 _SENT: Final = Phase.SENT
 _ENDED: Final = Phase.ENDED
 _NO_STOP: Final = Stopping.NO
+_ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
 
 
 class Answer(Enum):
@@ -310,7 +311,10 @@ class Transaction:
 
     def leave(self, now_ns: int, unit_id: int, patience_ns: int) -> None:
         """A frame leaves for it now: its own, which does so once, or one that it needs first."""
-        self._go_on(_SENT if self.added is None or self.port is None else _PREREQUISITE)
+        if self.added is None and self.phase is _WAITING:
+            self.phase = _SENT  # as ``_go_on`` would, without looking the usual step up
+        else:
+            self._go_on(_SENT if self.added is None or self.port is None else _PREREQUISITE)
         self.sent_ns = now_ns
         self.wire_unit_id = unit_id
         self.deadline_ns = now_ns + patience_ns
@@ -341,6 +345,9 @@ class Transaction:
 
     def end(self, outcome: Outcome) -> None:
         """It ends, once, in a way that is possible in its phase."""
+        if self.phase is _SENT and outcome is _ACKNOWLEDGED:
+            self.phase = _ENDED  # the usual step, as above
+            return
         assert outcome in OUTCOMES[self.phase], f"{outcome.value} in phase {self.phase.value}"
         self._go_on(_ENDED)
 

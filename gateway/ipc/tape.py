@@ -1,9 +1,10 @@
 """The last minutes of a line, in memory that others may look into: what ``pitch-gateway capture`` reads.
 
 A fixed piece of memory without a name (a memfd), in ``SEGMENTS`` parts that are written over in turn, oldest
-first. An entry costs its bytes and nothing else: no objects stay. Whoever looks maps the same memory, reads
-only, and costs the writer nothing, however often he looks. What is being written over while he reads it he
-finds out by the number of its segment, and leaves it out.
+first. An entry costs its bytes and nothing else: no objects stay. Entries are gathered, and go there many at a
+time (:meth:`Tape.show`). Whoever looks maps the same memory, reads only, and costs the writer nothing, however
+often he looks. What is being written over while he reads it he finds out by the number of its segment, and
+leaves it out.
 """
 
 import fcntl
@@ -12,6 +13,8 @@ import os
 from collections.abc import Iterator
 from struct import Struct
 from typing import Final, NamedTuple
+
+from librt.strings import BytesWriter, write_i32_le, write_i64_le
 
 MAGIC: Final = b"pgtape1\n"
 PAGE: Final = 4096
@@ -36,8 +39,8 @@ TEXT: Final = 7
 """An entry as a recording has it (``ipc.traffic``)."""
 _KINDS: Final = frozenset((REQUEST, REPLY, SENT, ANSWERED, ABANDONED, TICK, TEXT))
 
-_pack_entry = _ENTRY.pack_into
-_pack_fill = _FILL.pack_into
+MOST_GATHERED: Final = 1 << 14
+"""Bytes that are gathered at most before they are shown."""
 
 
 class Raw(NamedTuple):
@@ -80,31 +83,46 @@ class Tape:
         _WHOLE.pack_into(self._map, 0, MAGIC, self._segment_size, now_ns, wall_ns)
         self.number = 0
         """Of the segment that is written, from 1 on."""
+        self._gathered = BytesWriter()
+        """Entries that nobody sees yet; they belong before ``_at``."""
         self._begin = self._at = self._end = 0
         self._turn()
 
     def put(self, kind: int, t_ns: int, ids: int, data: bytes) -> None:
-        """Write an entry; one that is too long for a segment is left out."""
+        """Take an entry, which is seen with the next :meth:`show`; one too long for a segment is left out."""
         size = HEAD + len(data)
-        at = self._at
-        if at + size > self._end:
+        if self._at + size > self._end:
             if size > self._segment_size - _SEGMENT.size:
                 return
             self._turn()
-            at = self._at
-        _pack_entry(self._map, at, size, kind, ids, t_ns)
-        if data:
-            self._map[at + HEAD : at + size] = data
-        self._at = at + size
-        _pack_fill(self._map, self._begin + _FILL_OFFSET, at + size - self._begin - _SEGMENT.size)
+        gathered = self._gathered
+        write_i32_le(gathered, size)  # an entry as ``_ENTRY`` has it
+        gathered.append(kind)
+        write_i64_le(gathered, ids)
+        write_i64_le(gathered, t_ns)
+        gathered.write(data)
+        self._at += size
+        if len(gathered) > MOST_GATHERED:
+            self.show()
+
+    def show(self) -> None:
+        """Let whoever looks see all that was put."""
+        gathered = self._gathered
+        if not len(gathered):
+            return
+        self._map[self._at - len(gathered) : self._at] = gathered.getvalue()
+        gathered.truncate(0)
+        _FILL.pack_into(self._map, self._begin + _FILL_OFFSET, self._at - self._begin - _SEGMENT.size)
 
     def close(self) -> None:
         """Let go of it; whoever looks still sees what is there."""
+        self.show()
         self._map.close()
         os.close(self.descriptor)
 
     def _turn(self) -> None:
         """Begin the next segment, where the oldest one is."""
+        self.show()
         self._begin = PAGE + self.number % SEGMENTS * self._segment_size
         _SEGMENT.pack_into(self._map, self._begin, 0, 0)
         self.number += 1

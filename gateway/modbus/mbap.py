@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import Final
 
+from librt.strings import BytesWriter, write_i16_be, write_i32_be
+
 from gateway.modbus.errors import FrameError
 from gateway.modbus.pdu import MAX_PDU, ExceptionCode, exception_pdu
 
@@ -20,6 +22,9 @@ registers has 255, a reply of 126 registers too. Up to here it is a frame that i
 FUNCTION_AT: Final = 7
 
 _unpack_header = HEADER.unpack_from
+_frame: Final = BytesWriter()
+_SIGN: Final = 0x8000
+_NEXT_SIGN: Final = 0x10000
 
 Adu = tuple[int, int, bytes]
 """Transaction id, unit id, PDU."""
@@ -38,8 +43,12 @@ def encode_mbap(transaction_id: int, unit_id: int, pdu: bytes) -> bytes:
         raise FrameError(
             f"transaction id {transaction_id} must be in 0 … 65535, unit id {unit_id} in 0 … 255"
         )
-    # One number: compiled it costs a third of what a Struct does.
-    return (transaction_id << 40 | (size + 1) << 8 | unit_id).to_bytes(HEADER_SIZE, "big") + pdu
+    _frame.truncate(0)
+    write_i32_be(_frame, (transaction_id - _NEXT_SIGN if transaction_id >= _SIGN else transaction_id) << 16)
+    write_i16_be(_frame, size + 1)
+    _frame.append(unit_id)
+    _frame.write(pdu)
+    return _frame.getvalue()
 
 
 @dataclass(slots=True)

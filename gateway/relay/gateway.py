@@ -326,7 +326,11 @@ class Relay:
             )
 
     def _tapes(self) -> dict[str, int]:
-        return {line.plan.name: line.tape.descriptor for line in self._lines if line.tape is not None}
+        """Return the descriptors of the tapes, each with all that is on it until now."""
+        tapes = {line.plan.name: line.tape for line in self._lines if line.tape is not None}
+        for tape in tapes.values():
+            tape.show()
+        return {name: tape.descriptor for name, tape in tapes.items()}
 
     def _exchanges(self) -> list[LineExchange]:
         return [line.exchange for line in self._lines]

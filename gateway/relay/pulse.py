@@ -47,12 +47,16 @@ class Beats:
 
 
 class Pulse(Beats):
-    """Beats on the loop; ``on_standstill`` is told, in ns, how long a beat was late that was worth it."""
+    """Beats on the loop, and calls ``on_beat`` with each one.
 
-    __slots__ = ("_on_standstill", "_timer")
+    ``on_standstill`` is told, in ns, how long a beat was late that was worth it.
+    """
 
-    def __init__(self, on_standstill: Callable[[int], None]) -> None:
+    __slots__ = ("_on_beat", "_on_standstill", "_timer")
+
+    def __init__(self, on_standstill: Callable[[int], None], on_beat: Callable[[], None]) -> None:
         super().__init__()
+        self._on_beat = on_beat
         self._on_standstill = on_standstill
         self._timer = Timer(self._beat)
         self._timer.arm(boot_ns())
@@ -66,3 +70,4 @@ class Pulse(Beats):
         self._timer.arm(now_ns + EVERY_NS)
         if late_ns:
             self._on_standstill(late_ns)
+        self._on_beat()

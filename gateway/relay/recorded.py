@@ -51,6 +51,9 @@ class Sink:
     def may_begin(self, exchange: LineExchange, now_ns: int) -> None:
         """Take note of what holds, where that is wanted; called before each request."""
 
+    def show(self) -> None:
+        """Let others see what was taken; called with each beat of the line."""
+
 
 class FileSink(Sink):
     """Into a recording: everything from the start, as entries."""
@@ -124,6 +127,10 @@ class TapeSink(Sink):
             self.entry(self._beginning(now_ns))
             self._begun_in = self._tape.number
 
+    def show(self) -> None:
+        """See ``Sink``."""
+        self._tape.show()
+
 
 class RecordedLink(DriveLink):
     """The way to the drives, listened to."""
@@ -165,9 +172,9 @@ class RecordedExchange(TimedExchange):
     """A :class:`TimedExchange` that writes down what it is told before it acts on it."""
 
     def __init__(self, exchange: LineExchange, line: str, sink: Sink) -> None:
+        self._sink = sink  # first: it beats from its beginning on
         super().__init__(exchange)
         self._line = line
-        self._sink = sink
         self._ports: dict[ControllerPort, _RecordedPort] = {}
         self._last_number = 0
 
@@ -233,6 +240,9 @@ class RecordedExchange(TimedExchange):
         """See ``TimedExchange``."""
         self._sink.entry(entry_of(message, self._line, now_ns))
         return super().control(message, now_ns)
+
+    def _beat(self) -> None:
+        self._sink.show()
 
     def _due(self, now_ns: int) -> None:
         if self.is_due(now_ns):

@@ -23,7 +23,7 @@ class TimedExchange(Requests):
     """Passes calls on to a :class:`LineExchange` and calls its ``tick`` at its deadline."""
 
     def __init__(self, exchange: LineExchange) -> None:
-        self._pulse = Pulse(exchange.note_standstill)
+        self._pulse = Pulse(exchange.note_standstill, self._beat)
         super().__init__(self._pulse)
         self._exchange = exchange
         self._timer = Timer(self._tick)
@@ -104,6 +104,9 @@ class TimedExchange(Requests):
         """Give the timers back."""
         self._timer.close()
         self._pulse.close()
+
+    def _beat(self) -> None:
+        """Called fifty times a second (``pulse``)."""
 
     def _settle(self) -> None:
         self._timer.arm(self._exchange.deadline_ns)

@@ -34,9 +34,12 @@ def test_what_was_put_is_there_in_order() -> None:
     put = [Raw(REQUEST, 2_000, IDS, PDU), Raw(SENT, 2_000, 250, PDU), Raw(REPLY, 3_000, 250, b"")]
     for raw in put:
         tape.put(*raw)
+    assert look.new() == ([], False)
+    tape.show()
     assert look.new() == (put, False)
     assert look.new() == ([], False)
     tape.put(*put[0])
+    tape.show()
     assert look.new() == ([put[0]], False)
     # 2 000 - 1 000 ns after the moment that is on both clocks.
     assert look.wall_ns(2_000) == 1_700_000_000_000_001_000
@@ -48,6 +51,7 @@ def test_the_bytes_of_an_entry() -> None:
     """Size 26, kind 1, ids 0x030007FA, time 2 000 = 0x07D0, little end first; then the PDU."""
     tape = Tape("x", SMALLEST, 0, 0)
     tape.put(REQUEST, 2_000, IDS, PDU)
+    tape.show()
     assert HEAD == 21
     written = os.pread(tape.descriptor, HEAD + 5, PAGE + 16)
     assert written == bytes.fromhex("1A000000 01 FA07000300000000 D007000000000000 0300640002")
@@ -60,6 +64,7 @@ def test_the_oldest_is_written_over_and_the_rest_stays_whole() -> None:
     in_a_segment = ROOM // (HEAD + 5)
     for number in range(20 * in_a_segment):
         tape.put(REQUEST, number, IDS, PDU)
+    tape.show()
     look = Look(tape.descriptor)
     found, is_lost = look.new()
     # The newest eight segments, the last of them full.
@@ -76,9 +81,11 @@ def test_who_looks_too_seldom_is_told_that_something_is_lost() -> None:
     in_a_segment = ROOM // (HEAD + 5)
     for number in range(in_a_segment):
         tape.put(REQUEST, number, IDS, PDU)
+    tape.show()
     assert len(look.new()[0]) == in_a_segment
     for number in range(SEGMENTS * in_a_segment):
         tape.put(REQUEST, number, IDS, PDU)
+    tape.show()
     found, is_lost = look.new()
     assert is_lost
     assert len(found) == SEGMENTS * in_a_segment
@@ -93,9 +100,11 @@ def test_who_looks_often_misses_nothing_over_many_turns() -> None:
     for number in range(5_000):
         tape.put(REQUEST, number, IDS, PDU * (number % 9))
         if number % 37 == 0:
+            tape.show()
             raws, is_lost = look.new()
             assert not is_lost
             found += [raw.t for raw in raws]
+    tape.show()
     found += [raw.t for raw in look.new()[0]]
     assert found[0] == 0
     assert len(found) == 5_000
@@ -108,6 +117,7 @@ def test_an_entry_that_fits_into_no_segment_is_left_out() -> None:
     tape = Tape("x", SMALLEST, 0, 0)
     tape.put(TEXT, 1, 0, bytes(ROOM - HEAD + 1))
     tape.put(TEXT, 2, 0, bytes(ROOM - HEAD))
+    tape.show()
     look = Look(tape.descriptor)
     assert [(raw.t, len(raw.data)) for raw in look.new()[0]] == [(2, ROOM - HEAD)]
     look.close()

@@ -22,7 +22,8 @@ def test_what_waited_longer_than_an_impatient_controller_waits_is_old_however_sh
 
 async def test_what_is_read_before_and_after_the_late_beat_had_waited() -> None:
     told: list[int] = []
-    pulse = Pulse(told.append)
+    beats: list[int] = []
+    pulse = Pulse(told.append, lambda: beats.append(len(told)))
     while not pulse.stood_still(boot_ns() + 1000 * MS, 500 * MS):  # noqa: ASYNC110 - before its first beat
         await asyncio.sleep(0)
     assert not pulse.stood_still(boot_ns(), 100 * MS)
@@ -35,4 +36,5 @@ async def test_what_is_read_before_and_after_the_late_beat_had_waited() -> None:
     assert not pulse.stood_still(after_ns, 2000 * MS)
     assert not pulse.stood_still(after_ns + 25 * MS, 500 * MS)
     assert 600 * MS < told[0] < 2000 * MS
+    assert beats == [0, 1]  # its first one, and the late one
     pulse.close()

@@ -36,6 +36,7 @@ async def test_what_the_tape_holds_is_written_and_the_oldest_files_give_way(tmp_
     tape = Tape("xyz", SEGMENTS * 4096, 0, 0)
     tape.put(TEXT, 5, 0, traffic.encode(traffic.Up("xyz", 5)))
     tape.put(REPLY, 7, 1, bytes.fromhex("830B"))
+    tape.show()
     desk = Desk(lambda _request: Done(), tapes=lambda: {"xyz": tape.descriptor})
     server = ControlServer(state, desk)
     await server.open()
