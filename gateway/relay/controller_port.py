@@ -16,6 +16,7 @@ from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
 from gateway.relay.pulse import Beats
+from gateway.times import NS_PER_MS
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import host_of
 from gateway.transport.timer import Timer
@@ -23,6 +24,9 @@ from gateway.transport.timer import Timer
 TOO_SLOW: Final = "it came in pieces for longer than its controller's timeout_ms"
 STOOD_STILL: Final = "it waited longer than its controller's timeout_ms while the relay stood still"
 HAS_GONE: Final = "its controller closed the connection"
+FRESH_NS: Final = 5 * NS_PER_MS
+"""By so much a beat may be late without the other end being looked at anew: then what the system said of it
+with its bytes is 25 ms old at most, and as good as if the bytes had been under way for longer."""
 SENT_ANOTHER: Final = "its controller sent another request"
 
 
@@ -100,9 +104,10 @@ class MbapControllerPort(ControllerPort):
         requests = [] if pdu else decoder.feed(data)
         is_any = bool(pdu or requests)
         why_given_up = TOO_SLOW if is_any and now_ns - began_ns > self.patience_ns else ""
-        if self._exchange.beats.stood_still(now_ns, self.patience_ns):
+        beats = self._exchange.beats
+        if beats.stood_still(now_ns, self.patience_ns):
             why_given_up = STOOD_STILL
-        if is_any and not why_given_up and channel.has_gone():
+        if is_any and not why_given_up and channel.has_gone(asks=beats.stood_still(now_ns, FRESH_NS)):
             why_given_up = HAS_GONE
         if pdu:
             transaction_id, unit_id = decoder.transaction_id, decoder.unit_id
@@ -183,11 +188,13 @@ class RtuControllerPort(ControllerPort):
         if self._sender is not None:
             self._sender.heard(now_ns)
         requests = self._decoder.feed(data, now_ns)
-        if self._exchange.beats.stood_still(now_ns, self.patience_ns):
+        beats = self._exchange.beats
+        if beats.stood_still(now_ns, self.patience_ns):
             self._pass_on(requests, now_ns, STOOD_STILL)
             self._decoder.reset()
             requests = []
-        if requests and self._channel is not None and self._channel.has_gone():
+        asks = beats.stood_still(now_ns, FRESH_NS)
+        if requests and self._channel is not None and self._channel.has_gone(asks=asks):
             self._pass_on(requests, now_ns, HAS_GONE)
             requests = []
         if self._timer is not None:

@@ -20,8 +20,11 @@ class Channel(Protocol):
         """Send at once; never blocks, never raises. A loss is told by ``Receiver.closed``, later."""
         ...
 
-    def has_gone(self) -> bool:
-        """Whether the other end has closed or broken off the connection, as far as the system knows."""
+    def has_gone(self, *, asks: bool) -> bool:
+        """Whether the other end has closed or broken off the connection, as far as the system knows.
+
+        ``asks``: what it said with the bytes that were read last may be old, so it is asked anew.
+        """
         ...
 
     def close(self) -> None:

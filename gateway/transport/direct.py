@@ -9,6 +9,7 @@ from typing import Final, Protocol
 
 from gateway.clock import boot_ns
 from gateway.transport.channel import Receiver
+from gateway.transport.selector import HUNG_UP, RelaySelector
 
 _read: Final = os.read
 _write: Final = os.write
@@ -67,18 +68,23 @@ class DirectSocket:
         connection: Connection,
         descriptor: int,
         receiver: Receiver,
+        selector: RelaySelector,
     ) -> None:
         self.peer = connection.peer
         self.descriptor = descriptor
         self.bytes_received = 0
         self._connection = connection
         self._receiver = receiver
+        self._selector = selector
         self._far_end = FarEnd(descriptor)
+        self._has_hung_up = False
+        """As the system said when there was something to read."""
         self._may_have_left_over = False
         self._is_over = False
 
     def readable(self) -> None:
-        """Read what is there and pass it on."""
+        """Read what is there and pass it on; to be called by its selector."""
+        self._has_hung_up = self._selector.events & HUNG_UP != 0
         try:
             data = _read(self.descriptor, RECEIVE_BYTES)
         except BlockingIOError:
@@ -124,9 +130,9 @@ class DirectSocket:
             self._may_have_left_over = True
         self._connection.leave_over(data)
 
-    def has_gone(self) -> bool:
-        """See ``Channel``. What ``epoll_wait`` said may be older than a standstill, so it is asked."""
-        return self._is_over or self._far_end.has_gone()
+    def has_gone(self, *, asks: bool) -> bool:
+        """See ``Channel``. What ``epoll_wait`` said may be older than a standstill."""
+        return self._is_over or self._has_hung_up or (asks and self._far_end.has_gone())
 
     def close(self) -> None:
         """See ``Channel``."""

@@ -68,7 +68,7 @@ class MemoryChannel:
             self._arrive(self._glued)
             self._glued = b""
 
-    def has_gone(self) -> bool:
+    def has_gone(self, *, asks: bool) -> bool:
         """See ``Channel``."""
         return not self.is_open
 

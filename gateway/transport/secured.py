@@ -178,9 +178,9 @@ class SecuredConnection:
             return
         self._channel.write(self._outgoing.read())
 
-    def has_gone(self) -> bool:
+    def has_gone(self, *, asks: bool) -> bool:
         """See ``Channel``."""
-        return self._channel is None or self._channel.has_gone()
+        return self._channel is None or self._channel.has_gone(asks=asks)
 
     def close(self) -> None:
         """See ``Channel``."""

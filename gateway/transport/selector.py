@@ -16,6 +16,8 @@ from time import monotonic
 from typing import Any, Final
 
 READABLE: Final[int] = select.EPOLLIN
+HUNG_UP: Final[int] = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
+"""The other end has closed the connection, or broken it off."""
 _monotonic: Final = monotonic
 Watcher = Callable[[], object]
 """Called when its descriptor can be read."""
@@ -37,12 +39,14 @@ class RelaySelector:
         self._watchers: dict[int, Watcher] = {}
         self.is_wanted = False
         """Whether the loop has something to do that it had not when it began to wait."""
+        self.events = 0
+        """What the system said of the descriptor that is worked on: see epoll_ctl(2)."""
         self.on_error: Callable[[Exception], None] = _raise
 
     def watch(self, descriptor: int, watcher: Watcher) -> None:
         """Call ``watcher`` whenever a descriptor can be read, or was hung up; in place of any before it."""
         if descriptor not in self._watchers:
-            self._epoll.register(descriptor, READABLE)
+            self._epoll.register(descriptor, READABLE | select.EPOLLRDHUP)
         self._watchers[descriptor] = watcher
 
     def unwatch(self, descriptor: int) -> bool:
@@ -64,12 +68,13 @@ class RelaySelector:
         while True:
             found = poll(wait_s, MOST_AT_ONCE)
             is_others = False
-            for descriptor, _ in found:
+            for descriptor, events in found:
                 if descriptor == others_fd:
                     is_others = True
                     continue
                 watcher = watchers.get(descriptor)
                 if watcher is not None:  # else somebody before it in this list has closed it
+                    self.events = events
                     try:
                         watcher()
                     except Exception as error:  # noqa: BLE001, as asyncio does with its own callbacks

@@ -80,7 +80,7 @@ class SerialChannel:
             self._loop.add_writer(self._fd, self._writable)
         self._unsent += data
 
-    def has_gone(self) -> bool:
+    def has_gone(self, *, asks: bool) -> bool:
         """See ``Channel``: nobody can tell on a wire."""
         return False
 

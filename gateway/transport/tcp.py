@@ -72,7 +72,7 @@ class TcpChannel(asyncio.BufferedProtocol):
             self._receiver.opened(self, boot_ns())
             return
         self._transport.pause_reading()
-        self._direct = DirectSocket(self, connection.fileno(), self._receiver)
+        self._direct = DirectSocket(self, connection.fileno(), self._receiver, self._loop.selector)
         self._loop.add_reader(self._direct.descriptor, self._direct.readable)
         self._receiver.opened(self._direct, boot_ns())
 
@@ -124,8 +124,8 @@ class TcpChannel(asyncio.BufferedProtocol):
         """See ``direct.Connection``."""
         return self._transport is not None and self._transport.get_write_buffer_size() > 0
 
-    def has_gone(self) -> bool:
-        """See ``Channel``."""
+    def has_gone(self, *, asks: bool) -> bool:
+        """See ``Channel``: it is always asked."""
         return self._transport is None or self._far_end is None or self._far_end.has_gone()
 
     def close(self) -> None:

@@ -75,7 +75,7 @@ class Connection:
         else:
             self._master.missed(self.doorway.book, data)
 
-    def has_gone(self) -> bool:
+    def has_gone(self, *, asks: bool) -> bool:
         """See ``Channel``."""
         return self.is_closed
 

@@ -49,7 +49,7 @@ class Wires(DriveLink):
     def write(self, data: bytes) -> None:
         self.replies += data
 
-    def has_gone(self) -> bool:
+    def has_gone(self, *, asks: bool) -> bool:
         return False
 
     def close(self) -> None:

@@ -20,7 +20,7 @@ class Wire:
     def write(self, data: bytes) -> None:
         self.written.append((data, boot_ns()))
 
-    def has_gone(self) -> bool:
+    def has_gone(self, *, asks: bool) -> bool:
         return False
 
     def close(self) -> None:

@@ -129,7 +129,7 @@ class End:
     def write(self, data: bytes) -> None:
         raise AssertionError
 
-    def has_gone(self) -> bool:
+    def has_gone(self, *, asks: bool) -> bool:
         return False
 
     def close(self) -> None:

@@ -50,7 +50,7 @@ class Pipe:
         assert len(frames) == 1, data.hex(" ")
         self._take(*frames[0])
 
-    def has_gone(self) -> bool:
+    def has_gone(self, *, asks: bool) -> bool:
         """See ``Channel``."""
         return False
 
