@@ -45,6 +45,8 @@ PATTERNS = (
     "transport/timer.py",
 )
 """What runs while a frame passes."""
+IN_C = ("gateway/_system.c",)
+"""What is written in C, because Python cannot say it without making objects."""
 PLAIN = (
     "compensation/settings.py",
     "exchange/plan.py",
@@ -147,7 +149,7 @@ def compile_in(folder: Path, *, is_only_c: bool) -> None:
     """Compile a copy of the package in a folder, which must be empty."""
     import mypyc
     from mypyc.build import mypycify
-    from setuptools import setup
+    from setuptools import Extension, setup
 
     shutil.copytree(
         ROOT / "gateway", folder / "gateway", ignore=shutil.ignore_patterns("__pycache__", "*.so")
@@ -162,6 +164,7 @@ def compile_in(folder: Path, *, is_only_c: bool) -> None:
     extensions = mypycify(
         [*options, *modules(Path("gateway"))], opt_level="2", debug_level="0", multi_file=True
     )
+    extensions += [Extension(file.removesuffix(".c").replace("/", "."), [file]) for file in IN_C]
     if not is_only_c:
         arguments = ["--quiet", "build_ext", "--inplace", "--parallel", str(os.cpu_count() or 1)]
         setup(name="gateway-compiled", ext_modules=extensions, packages=[], script_args=arguments)

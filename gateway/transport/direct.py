@@ -3,16 +3,16 @@
 The transport of asyncio keeps the connection: it closes it, and takes what the system does not take at once.
 """
 
-import os
 import select
 from typing import Final, Protocol
 
+from gateway import system
 from gateway.clock import boot_ns
 from gateway.transport.channel import Receiver
 from gateway.transport.selector import HUNG_UP, RelaySelector
 
-_read: Final = os.read
-_write: Final = os.write
+_read: Final = system.read
+_write: Final = system.write
 RECEIVE_BYTES: Final = 479
 """More than the largest Modbus/TCP frame (260 bytes), and what the interpreter's own allocator still has room
 for: a larger buffer would come from malloc, and go back to it, with each read."""

@@ -15,6 +15,8 @@ from collections.abc import Callable, Mapping
 from time import monotonic
 from typing import Any, Final
 
+from gateway.system import waiting
+
 READABLE: Final[int] = select.EPOLLIN
 HUNG_UP: Final[int] = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
 """The other end has closed the connection, or broken it off."""
@@ -36,6 +38,7 @@ class RelaySelector:
         self._others_fd: int = self._others.fileno()
         self._epoll = select.epoll()
         self._epoll.register(self._others_fd, READABLE)
+        self._wait = waiting(self._epoll)
         self._watchers: dict[int, Watcher] = {}
         self.is_wanted = False
         """Whether the loop has something to do that it had not when it began to wait."""
@@ -64,9 +67,9 @@ class RelaySelector:
         if timeout is not None:
             wait_s = max(0.0, timeout)
             end_s = _monotonic() + wait_s  # the clock by which the loop counts its timers
-        others_fd, watchers, poll = self._others_fd, self._watchers, self._epoll.poll
+        others_fd, watchers, wait = self._others_fd, self._watchers, self._wait
         while True:
-            found = poll(wait_s, MOST_AT_ONCE)
+            found = wait(wait_s, MOST_AT_ONCE)
             is_others = False
             for descriptor, events in found:
                 if descriptor == others_fd:

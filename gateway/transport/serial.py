@@ -17,6 +17,7 @@ from typing import Final
 
 import serial
 
+from gateway import system
 from gateway.clock import boot_ns
 from gateway.times import NS_PER_S
 from gateway.transport.adopting import KeptSerial
@@ -68,7 +69,7 @@ class SerialChannel:
             return
         if not self._unsent:
             try:
-                sent = os.write(self._fd, data)
+                sent = system.write(self._fd, data)
             except BlockingIOError:
                 sent = 0
             except OSError as error:
@@ -98,7 +99,7 @@ class SerialChannel:
 
     def _readable(self) -> None:
         try:
-            data = os.read(self._fd, RECEIVE_BYTES)
+            data = system.read(self._fd, RECEIVE_BYTES)
         except BlockingIOError:
             return
         except OSError as error:
@@ -113,7 +114,7 @@ class SerialChannel:
 
     def _writable(self) -> None:
         try:
-            sent = os.write(self._fd, self._unsent)
+            sent = system.write(self._fd, bytes(self._unsent))
         except BlockingIOError:
             return
         except OSError as error:

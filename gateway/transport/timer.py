@@ -8,6 +8,7 @@ import asyncio
 import os
 from collections.abc import Callable
 
+from gateway import system
 from gateway.clock import boot_ns
 from gateway.transport.timerfd import create, set_at
 
@@ -53,7 +54,7 @@ class Timer:
 
     def _woke(self) -> None:
         try:
-            os.read(self._fd, 8)
+            system.read(self._fd, 8)
         except BlockingIOError:
             return  # set anew between the wake-up and this call
         self._set_ns = 0

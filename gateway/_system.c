@@ -1,0 +1,152 @@
+/* The system calls of a frame, for a compiled gateway: what gateway/system.py has where this is missing.
+
+   They never block, or wait without the interpreter's lock, and make no object that nobody asked for. No rule
+   of the wire belongs here. */
+
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+
+#include <errno.h>
+#include <math.h>
+#include <sys/epoll.h>
+#include <time.h>
+#include <unistd.h>
+
+#define MOST_READ 4096
+#define MOST_FOUND 64
+#define NS_PER_S 1000000000LL
+
+static int
+is_called_with(Py_ssize_t given, Py_ssize_t wanted, const char *name)
+{
+    if (given == wanted)
+        return 1;
+    PyErr_Format(PyExc_TypeError, "%s() takes %zd arguments, not %zd", name, wanted, given);
+    return 0;
+}
+
+static PyObject *
+boot_ns(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(nothing))
+{
+    struct timespec now;
+
+    if (clock_gettime(CLOCK_BOOTTIME, &now))
+        return PyErr_SetFromErrno(PyExc_OSError);
+    return PyLong_FromLongLong(now.tv_sec * NS_PER_S + now.tv_nsec);
+}
+
+static PyObject *
+read_bytes(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    char buffer[MOST_READ];
+    long descriptor, size;
+    ssize_t got;
+
+    if (!is_called_with(given, 2, "read"))
+        return NULL;
+    descriptor = PyLong_AsLong(arguments[0]);
+    size = PyLong_AsLong(arguments[1]);
+    if (PyErr_Occurred())
+        return NULL;
+    if (size < 0 || size > MOST_READ)
+        return PyErr_Format(PyExc_ValueError, "read() of %ld bytes: 0 to %d", size, MOST_READ);
+    do
+        got = read((int)descriptor, buffer, (size_t)size);
+    while (got < 0 && errno == EINTR && !PyErr_CheckSignals());
+    if (PyErr_Occurred())
+        return NULL;
+    return got < 0 ? PyErr_SetFromErrno(PyExc_OSError) : PyBytes_FromStringAndSize(buffer, got);
+}
+
+static PyObject *
+write_bytes(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    long descriptor;
+    char *data;
+    Py_ssize_t size;
+    ssize_t taken;
+
+    if (!is_called_with(given, 2, "write"))
+        return NULL;
+    descriptor = PyLong_AsLong(arguments[0]);
+    if (PyErr_Occurred() || PyBytes_AsStringAndSize(arguments[1], &data, &size))
+        return NULL;
+    do
+        taken = write((int)descriptor, data, (size_t)size);
+    while (taken < 0 && errno == EINTR && !PyErr_CheckSignals());
+    if (PyErr_Occurred())
+        return NULL;
+    return taken < 0 ? PyErr_SetFromErrno(PyExc_OSError) : PyLong_FromSsize_t(taken);
+}
+
+static PyObject *
+wait_for(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    struct epoll_event events[MOST_FOUND];
+    double seconds;
+    long descriptor, most;
+    int count, number, timeout_ms;
+    PyObject *found;
+
+    if (!is_called_with(given, 3, "wait"))
+        return NULL;
+    descriptor = PyLong_AsLong(arguments[0]);
+    seconds = PyFloat_AsDouble(arguments[1]);
+    most = PyLong_AsLong(arguments[2]);
+    if (PyErr_Occurred())
+        return NULL;
+    if (most < 1 || most > MOST_FOUND)
+        return PyErr_Format(PyExc_ValueError, "wait() for %ld: 1 to %d", most, MOST_FOUND);
+    /* Up, as select.epoll has it: who waits for a millisecond must not look a thousand times. */
+    timeout_ms = seconds < 0.0 ? -1 : seconds > 86400.0 ? 86400000 : (int)ceil(seconds * 1000.0);
+    if (timeout_ms) {
+        Py_BEGIN_ALLOW_THREADS
+        count = epoll_wait((int)descriptor, events, (int)most, timeout_ms);
+        Py_END_ALLOW_THREADS
+    } else
+        count = epoll_wait((int)descriptor, events, (int)most, 0);
+    if (count < 0) {
+        if (errno != EINTR)
+            return PyErr_SetFromErrno(PyExc_OSError);
+        if (PyErr_CheckSignals())
+            return NULL;
+        count = 0;
+    }
+    found = PyList_New(count);
+    for (number = 0; found != NULL && number < count; number++) {
+        PyObject *pair = PyTuple_New(2);
+        PyObject *which = PyLong_FromLong(events[number].data.fd);
+        PyObject *what = PyLong_FromUnsignedLong(events[number].events);
+
+        if (pair == NULL || which == NULL || what == NULL) {
+            Py_XDECREF(pair);
+            Py_XDECREF(which);
+            Py_XDECREF(what);
+            Py_CLEAR(found);
+            break;
+        }
+        PyTuple_SET_ITEM(pair, 0, which);
+        PyTuple_SET_ITEM(pair, 1, what);
+        PyList_SET_ITEM(found, number, pair);
+    }
+    return found;
+}
+
+static PyMethodDef functions[] = {
+    {"boot_ns", boot_ns, METH_NOARGS, "boot_ns() -> int"},
+    {"read", (PyCFunction)(void (*)(void))read_bytes, METH_FASTCALL, "read(descriptor, size) -> bytes"},
+    {"write", (PyCFunction)(void (*)(void))write_bytes, METH_FASTCALL, "write(descriptor, data) -> int"},
+    {"wait", (PyCFunction)(void (*)(void))wait_for, METH_FASTCALL,
+     "wait(descriptor, seconds, most) -> list of descriptors and events"},
+    {NULL, NULL, 0, NULL},
+};
+
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "gateway._system", "See gateway/system.py.", -1, functions, NULL, NULL, NULL, NULL,
+};
+
+PyMODINIT_FUNC
+PyInit__system(void)
+{
+    return PyModule_Create(&definition);
+}

@@ -1,0 +1,45 @@
+"""The system calls of a frame: waiting, reading, writing, the clock.
+
+Where the gateway is compiled they are those of ``_system.c``, which call the system and nothing else; where
+it is not, those of Python, which do the same with more objects and with the interpreter's lock given back
+and taken again for each. Both have the same results and the same errors (``tests/transport/test_system.py``).
+"""
+
+import os
+import select
+import time
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from types import ModuleType
+from typing import Final
+
+CLOCK: Final = time.CLOCK_BOOTTIME
+Wait = Callable[[float, int], list[tuple[int, int]]]
+"""Wait for so many seconds (negative: for ever) until descriptors can be worked on; return that many at most,
+each with its events. An interrupted one may return early, and none."""
+
+
+def _compiled() -> ModuleType | None:
+    try:
+        return import_module("gateway._system")
+    except ImportError:
+        return None
+
+
+_SYSTEM: Final = _compiled()
+
+if _SYSTEM is None:
+    boot_ns: Callable[[], int] = partial(time.clock_gettime_ns, CLOCK)
+    """Return the time since the machine was booted, in ns."""
+    read: Callable[[int, int], bytes] = os.read
+    """Read so many bytes at most, 4096, of a descriptor that does not block; b"": its end."""
+    write: Callable[[int, bytes], int] = os.write
+    """Write to a descriptor that does not block; return how much the system took."""
+else:
+    boot_ns, read, write = _SYSTEM.boot_ns, _SYSTEM.read, _SYSTEM.write
+
+
+def waiting(epoll: select.epoll) -> Wait:
+    """Return what waits for the descriptors of an epoll, 64 at most at a time."""
+    return epoll.poll if _SYSTEM is None else partial(_SYSTEM.wait, epoll.fileno())
