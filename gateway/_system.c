@@ -7,7 +7,6 @@
 #include <Python.h>
 
 #include <errno.h>
-#include <math.h>
 #include <sys/epoll.h>
 #include <time.h>
 #include <unistd.h>
@@ -83,25 +82,24 @@ static PyObject *
 wait_for(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     struct epoll_event events[MOST_FOUND];
-    double seconds;
-    long descriptor, most;
-    int count, number, timeout_ms;
+    long descriptor, most, timeout;
+    int count, number;
     PyObject *found;
 
     if (!is_called_with(given, 3, "wait"))
         return NULL;
     descriptor = PyLong_AsLong(arguments[0]);
-    seconds = PyFloat_AsDouble(arguments[1]);
+    timeout = PyLong_AsLong(arguments[1]);
     most = PyLong_AsLong(arguments[2]);
     if (PyErr_Occurred())
         return NULL;
+    if (timeout != 0 && timeout != -1)
+        return PyErr_Format(PyExc_ValueError, "wait() of %ld: -1 or 0", timeout);
     if (most < 1 || most > MOST_FOUND)
         return PyErr_Format(PyExc_ValueError, "wait() for %ld: 1 to %d", most, MOST_FOUND);
-    /* Up, as select.epoll has it: who waits for a millisecond must not look a thousand times. */
-    timeout_ms = seconds < 0.0 ? -1 : seconds > 86400.0 ? 86400000 : (int)ceil(seconds * 1000.0);
-    if (timeout_ms) {
+    if (timeout) {
         Py_BEGIN_ALLOW_THREADS
-        count = epoll_wait((int)descriptor, events, (int)most, timeout_ms);
+        count = epoll_wait((int)descriptor, events, (int)most, -1);
         Py_END_ALLOW_THREADS
     } else
         count = epoll_wait((int)descriptor, events, (int)most, 0);
@@ -137,7 +135,7 @@ static PyMethodDef functions[] = {
     {"read", (PyCFunction)(void (*)(void))read_bytes, METH_FASTCALL, "read(descriptor, size) -> bytes"},
     {"write", (PyCFunction)(void (*)(void))write_bytes, METH_FASTCALL, "write(descriptor, data) -> int"},
     {"wait", (PyCFunction)(void (*)(void))wait_for, METH_FASTCALL,
-     "wait(descriptor, seconds, most) -> list of descriptors and events"},
+     "wait(descriptor, timeout, most) -> list of descriptors and events"},
     {NULL, NULL, 0, NULL},
 };
 

@@ -15,9 +15,9 @@ from types import ModuleType
 from typing import Final
 
 CLOCK: Final = time.CLOCK_BOOTTIME
-Wait = Callable[[float, int], list[tuple[int, int]]]
-"""Wait for so many seconds (negative: for ever) until descriptors can be worked on; return that many at most,
-each with its events. An interrupted one may return early, and none."""
+Wait = Callable[[int, int], list[tuple[int, int]]]
+"""Wait for ever (-1) or not at all (0) until descriptors can be worked on; return so many at most, each with
+its events. An interrupted one may return early, and none."""
 
 
 def _compiled() -> ModuleType | None:

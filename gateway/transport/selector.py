@@ -9,18 +9,22 @@ watched by another), so both have their turn in the order in which the system na
 Public interfaces of the standard library only: asyncio takes any selector (``SelectorEventLoop``).
 """
 
+import os
 import select
 import selectors
 from collections.abc import Callable, Mapping
-from time import monotonic
+from contextlib import suppress
+from math import ceil
 from typing import Any, Final
 
-from gateway.system import waiting
+from gateway.clock import boot_ns
+from gateway.system import read, waiting
+from gateway.times import NS_PER_S
+from gateway.transport.timerfd import create, set_at
 
 READABLE: Final[int] = select.EPOLLIN
 HUNG_UP: Final[int] = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
 """The other end has closed the connection, or broken it off."""
-_monotonic: Final = monotonic
 Watcher = Callable[[], object]
 """Called when its descriptor can be read."""
 MOST_AT_ONCE: Final = 64
@@ -39,6 +43,10 @@ class RelaySelector:
         self._epoll = select.epoll()
         self._epoll.register(self._others_fd, READABLE)
         self._wait = waiting(self._epoll)
+        self._alarm_fd = create()
+        self._epoll.register(self._alarm_fd, READABLE)
+        self._wakes_ns = 0
+        """When the alarm goes off; 0: it does not."""
         self._watchers: dict[int, Watcher] = {}
         self.is_wanted = False
         """Whether the loop has something to do that it had not when it began to wait."""
@@ -60,20 +68,29 @@ class RelaySelector:
         return True
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """See ``selectors``: wait until there is work for the loop, or for ``timeout`` seconds."""
+        """See ``selectors``: wait until there is work for the loop, or for ``timeout`` seconds.
+
+        It may return earlier, and nothing, when it had been asked to return by then before.
+        """
         self.is_wanted = False
-        wait_s = -1.0
-        end_s = 0.0
+        how_long = -1
         if timeout is not None:
-            wait_s = max(0.0, timeout)
-            end_s = _monotonic() + wait_s  # the clock by which the loop counts its timers
-        others_fd, watchers, wait = self._others_fd, self._watchers, self._wait
+            if timeout > 0.0:
+                self._wake_at(boot_ns() + ceil(timeout * NS_PER_S))
+            else:
+                how_long = 0
+        others_fd, alarm_fd, watchers, wait = self._others_fd, self._alarm_fd, self._watchers, self._wait
         while True:
-            found = wait(wait_s, MOST_AT_ONCE)
+            found = wait(how_long, MOST_AT_ONCE)
+            is_over = not found or not how_long
             is_others = False
             for descriptor, events in found:
                 if descriptor == others_fd:
                     is_others = True
+                    continue
+                if descriptor == alarm_fd:
+                    self._woke()
+                    is_over = True
                     continue
                 watcher = watchers.get(descriptor)
                 if watcher is not None:  # else somebody before it in this list has closed it
@@ -84,12 +101,19 @@ class RelaySelector:
                         self.on_error(error)
             if is_others:
                 return self._others.select(0)
-            if self.is_wanted or not found or not wait_s:
+            if is_over or self.is_wanted:
                 return []
-            if wait_s > 0.0:
-                wait_s = end_s - _monotonic()
-                if wait_s <= 0.0:
-                    return []
+
+    def _wake_at(self, end_ns: int) -> None:
+        """Have the waiting end: a time given to ``epoll_wait`` would be set anew with each frame."""
+        if not 0 < self._wakes_ns <= end_ns:
+            self._wakes_ns = end_ns
+            set_at(self._alarm_fd, end_ns)
+
+    def _woke(self) -> None:
+        self._wakes_ns = 0
+        with suppress(BlockingIOError):  # set anew between the wake-up and this call
+            read(self._alarm_fd, 8)
 
     # --- what asyncio looks after itself ---------------------------------------------------------------
 
@@ -121,6 +145,7 @@ class RelaySelector:
         """See ``selectors``."""
         self._watchers.clear()
         self._epoll.close()
+        os.close(self._alarm_fd)
         self._others.close()
 
 
