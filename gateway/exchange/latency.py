@@ -5,7 +5,7 @@ Each power of two is divided into 64 buckets, so that a value is known within 1.
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import accumulate
 from typing import Final
 
@@ -50,7 +50,7 @@ def middle_ns(bucket: int) -> int:
     return low + (1 << shift) // 2
 
 
-def running_totals(counts: Sequence[int]) -> list[int]:
+def running_totals(counts: Iterable[int]) -> list[int]:
     """Return how many times lie in each bucket or below it: the one walk that all figures need.
 
     >>> running_totals([1, 0, 2])

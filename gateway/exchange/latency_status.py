@@ -6,7 +6,7 @@ in turn.
 """
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import add
 from typing import Final
 
@@ -27,7 +27,7 @@ BOUNDS_NS: Final = tuple(int(bound_us * NS_PER_US) for bound_us in BOUNDS_US)
 
 Figures = Mapping[str, float | None]
 UNKNOWN: Final[Figures] = dict.fromkeys(("p50", "p99", "p999"))
-Pick = Callable[[Measured], list[int] | None]
+Pick = Callable[[Measured], Iterable[int] | None]
 
 PARTS: Final[dict[str, Pick]] = {
     "gateway_us": lambda measured: measured.gateway,
@@ -55,8 +55,8 @@ class LatencyStatus:
         self._at_first = AT_FIRST
         self._pairs: dict[tuple[str, str], list[Measured]] = {}
         self._pairs_seen = 0
-        self._sum: list[int] = []
-        self._to_add: deque[list[int]] = deque()
+        self._sum: Iterable[int] = []
+        self._to_add: deque[Iterable[int]] = deque()
 
     def refresh(self, now_ns: int) -> None:
         """Take a few steps; to be called before the figures are shown."""
@@ -127,7 +127,7 @@ class LatencyStatus:
             self._figures[key] = self._worked_out(key, [self._sum])
             self._turn.rotate(-1)
 
-    def _worked_out(self, key: Key, columns: Sequence[Sequence[int]]) -> Figures:
+    def _worked_out(self, key: Key, columns: Sequence[Iterable[int]]) -> Figures:
         """Return the percentiles, 0 of none; of the gateway time of lines and axes keep the histogram too."""
         if not columns:
             return dict.fromkeys(SHARES, 0.0)
@@ -140,7 +140,7 @@ class LatencyStatus:
             found = [min(ns, highest_ns) for ns in found]
         return {share: round(ns / NS_PER_US, 1) for share, ns in zip(SHARES, found, strict=True)}
 
-    def _columns(self, key: Key) -> list[list[int]]:
+    def _columns(self, key: Key) -> list[Iterable[int]]:
         kind, name, part = key
         pick = PARTS[part]
         return [counts for pair in self._pairs_of(kind, name) if (counts := pick(pair)) is not None]

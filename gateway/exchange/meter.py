@@ -14,6 +14,9 @@ Gateway time is both legs together.
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from librt.vecs import vec
+from mypy_extensions import i64
+
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.latency import BUCKETS, OCTAVE, SUB_BITS, HighMark, bucket_of
@@ -36,17 +39,22 @@ Key = tuple[str, int]
 """A controller's name and a unit id."""
 
 
+def _none_yet() -> vec[i64]:
+    """Return counts of all buckets: numbers of the machine, of which counting makes no objects."""
+    return vec[i64]([0] * BUCKETS)
+
+
 class Measured:
     """Times of the transactions of one controller with one unit id: counts by ``latency.bucket_of``."""
 
     __slots__ = ("budget_ns", "drive", "gateway", "high", "queue", "reply", "request")
 
     def __init__(self, budget_ns: int) -> None:
-        self.gateway = [0] * BUCKETS
-        self.request = [0] * BUCKETS
-        self.reply = [0] * BUCKETS
-        self.drive = [0] * BUCKETS
-        self.queue: list[int] | None = None
+        self.gateway = _none_yet()
+        self.request = _none_yet()
+        self.reply = _none_yet()
+        self.drive = _none_yet()
+        self.queue: vec[i64] | None = None
         """Of those that had to wait for the line; made with the first one."""
         self.high = HighMark()
         self.budget_ns = budget_ns
@@ -184,7 +192,7 @@ class LineMeter:
         self.added_ns += transaction.added_ns
         if transaction.queue_ns:
             if measured.queue is None:
-                measured.queue = [0] * BUCKETS
+                measured.queue = _none_yet()
             measured.queue[bucket_of(transaction.queue_ns)] += 1
 
     def _judge(self, transaction: Transaction, port: ControllerPort, gateway_ns: int, reply_ns: int) -> None:

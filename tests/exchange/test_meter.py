@@ -75,7 +75,7 @@ def times_us(measured: Measured) -> dict[str, float]:
     for name in ("gateway", "request", "reply", "drive"):
         counts = getattr(measured, name)
         assert sum(counts) == 1
-        found[name] = middle_ns(counts.index(1)) / US
+        found[name] = middle_ns(list(counts).index(1)) / US
     return found
 
 
