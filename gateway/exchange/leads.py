@@ -1,0 +1,197 @@
+"""How late the first byte of a frame has to leave that is passed on while it still arrives.
+
+A byte leaves when the bytes have come that it depends on; a transmitter that has begun must never run empty
+inside the frame: adapters that switch the direction of an RS-485 bus by themselves let go of it then, and
+drives take a pause for the end of a frame. So the first byte waits until no later one will have to.
+
+A :class:`Shape` says what depends on what, in bytes. :func:`lead_ns` makes a time of it for two wires that
+keep their baud rates exactly. What adapters, drivers and this process add, nobody works out:
+:class:`MeasuredLead` learns it from the frames that came.
+
+Counted in characters of wires that are both equally fast a write of one position of two registers leaves four
+characters after it began to arrive: its last position byte is the eleventh to come and the eighth to leave.
+Its acknowledgement leaves two later, for the check sum has to have come before its own leaves; so do a read
+without positions, and its reply three. A gateway that stores adds all 13 + 8 characters of both.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from gateway.modbus.lengths import ADU_OVERHEAD, MIN_ADU
+from gateway.modbus.rtu_arrival import BLOCK_HEAD, REGISTERS_HEAD
+
+CRC_BYTES: Final = 2
+FUNCTION_KNOWN: Final = 2
+"""Bytes of a frame that say who is meant and what is done."""
+ADDRESS_KNOWN: Final = MIN_ADU
+"""Bytes of a request that also say at which register."""
+COUNT_KNOWN: Final = 3
+"""Bytes of the reply to a read that also say how long it is."""
+READ_BYTES: Final = REGISTERS_HEAD + CRC_BYTES
+
+
+class Gate(NamedTuple):
+    """Byte ``first`` of a frame, and all behind it, leave only when ``needs`` bytes of it have come."""
+
+    first: int
+    needs: int
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A frame of so many bytes, with unit id and check sum, and what its bytes wait for.
+
+    Gates stand in their order. Every byte waits at least for itself, and the check sum for all that came.
+    """
+
+    length: int
+    gates: tuple[Gate, ...]
+
+    def needs(self, index: int) -> int:
+        """Return how many bytes have to have come before byte ``index``, counted from 0, may leave.
+
+        >>> [write_shape(2, 0, 2).needs(index) for index in range(13)]
+        [4, 4, 4, 4, 5, 6, 7, 11, 11, 11, 11, 13, 13]
+        """
+        if index >= self.length - CRC_BYTES:
+            return self.length
+        return max([index + 1] + [gate.needs for gate in self.gates if gate.first <= index])
+
+    def leaves(self, come: int) -> int:
+        """Return how many of its bytes may have left when ``come`` have come, without its check sum.
+
+        >>> [write_shape(2, 0, 2).leaves(come) for come in range(14)]
+        [0, 0, 0, 0, 4, 5, 6, 7, 7, 7, 7, 11, 11, 11]
+        """
+        most = min(come, self.length - CRC_BYTES)
+        for gate in self.gates:
+            if come < gate.needs and gate.first < most:
+                most = gate.first
+        return most
+
+
+def write_shape(words: int, first_word: int, position_words: int) -> Shape:
+    """Return the shape of a write of ``words`` registers that hold a position from ``first_word`` on.
+
+    It begins to leave when it is known where it writes, its data when the position is whole: until then it
+    may have to be refused.
+    """
+    data_ends = BLOCK_HEAD + 2 * (first_word + position_words)
+    return Shape(
+        BLOCK_HEAD + 2 * words + CRC_BYTES, (Gate(0, ADDRESS_KNOWN), Gate(BLOCK_HEAD, data_ends))
+    )
+
+
+def read_shape() -> Shape:
+    """Return the shape of a read. It changes nothing in a drive, and may begin to leave at its function."""
+    return Shape(READ_BYTES, (Gate(0, FUNCTION_KNOWN),))
+
+
+def acknowledgement_shape() -> Shape:
+    """Return the shape of the reply to a write of a block: unit id, function, address, count."""
+    return Shape(READ_BYTES, (Gate(0, FUNCTION_KNOWN),))
+
+
+def reply_shape(words: int, positions: Sequence[tuple[int, int]] = ()) -> Shape:
+    """Return the shape of the reply to a read of ``words`` registers.
+
+    ``positions``: the first register of each and how many it has, in their order.
+    """
+    gates = [Gate(0, COUNT_KNOWN)]
+    for first, count in positions:
+        gates.append(Gate(COUNT_KNOWN + 2 * first, COUNT_KNOWN + 2 * (first + count)))
+    return Shape(ADU_OVERHEAD + FUNCTION_KNOWN + 2 * words, tuple(gates))
+
+
+def lead_ns(shape: Shape, in_ns: int, out_ns: int) -> int:
+    """Return how long after the first bit of a frame came its own first bit may leave, at the earliest.
+
+    Args:
+        shape: what depends on what.
+        in_ns: what one character takes on the wire on which it comes.
+        out_ns: and on the one on which it leaves.
+    """
+    return max(shape.needs(index) * in_ns - index * out_ns for index in range(shape.length))
+
+
+def stored_ns(shape: Shape, in_ns: int) -> int:
+    """Return the same for a gateway that waits for the whole frame."""
+    return shape.length * in_ns
+
+
+class Piece(NamedTuple):
+    """Bytes of a frame that came at once: when, and how many there were of it by then."""
+
+    came_ns: int
+    count: int
+
+
+def needed_ns(shape: Shape, pieces: Sequence[Piece], out_ns: int) -> int:
+    """Return how long after its first piece a frame that has come would have had to begin to leave.
+
+    The pieces are those of a whole frame, in their order. Between two pieces only the first byte that needs
+    the later one counts: those behind it have more time.
+    """
+    begun_ns = pieces[0].came_ns
+    most_ns, before = 0, 0
+    for piece in pieces:
+        # The check sum needs all of them; what leaves then is the first byte that did not before.
+        first = shape.leaves(before)
+        if shape.needs(first) <= piece.count:
+            most_ns = max(most_ns, piece.came_ns - begun_ns - first * out_ns)
+        before = piece.count
+    return most_ns
+
+
+LEARNED_AFTER: Final = 32
+"""Frames of a shape that are stored before the first one may leave early: nobody knows the port before."""
+REMEMBERED: Final = 512
+"""Frames whose needs count: a port that was disturbed once is trusted again after so many."""
+
+
+class MeasuredLead:
+    """How long after its first piece a frame of one shape may begin to leave, by what the last ones needed.
+
+    No model of an adapter: latency timers, packets, the scheduler of the system and different baud rates all
+    show in when the bytes came. The margin is one character and half of what the needs have differed by.
+    """
+
+    __slots__ = ("_char_ns", "_least_ns", "_longest_ns", "_needs_ns", "_wholes_ns", "out_ns", "shape")
+
+    def __init__(self, shape: Shape, in_ns: int, out_ns: int) -> None:
+        self.shape = shape
+        self.out_ns = out_ns
+        self._char_ns = max(in_ns, out_ns)
+        self._needs_ns: deque[int] = deque(maxlen=REMEMBERED)
+        self._wholes_ns: deque[int] = deque(maxlen=REMEMBERED)
+        self._longest_ns = 0
+        self._least_ns = 0
+
+    def note(self, pieces: Sequence[Piece]) -> None:
+        """Learn from a frame that has come whole, whether it was cut through or stored."""
+        need_ns = needed_ns(self.shape, pieces, self.out_ns)
+        is_bound = len(self._needs_ns) == REMEMBERED and self._needs_ns[0] in (
+            self._longest_ns,
+            self._least_ns,
+        )
+        self._needs_ns.append(need_ns)
+        self._wholes_ns.append(pieces[-1].came_ns - pieces[0].came_ns)
+        if is_bound or len(self._needs_ns) == 1:
+            self._longest_ns, self._least_ns = max(self._needs_ns), min(self._needs_ns)
+        else:
+            self._longest_ns = max(self._longest_ns, need_ns)
+            self._least_ns = min(self._least_ns, need_ns)
+
+    @property
+    def lead_ns(self) -> int | None:
+        """After so long a frame may begin to leave; None: it is stored, for that would gain nothing.
+
+        Also while too few have been seen. It gains something where it leaves at least a character before the
+        frame that was whole soonest.
+        """
+        if len(self._needs_ns) < LEARNED_AFTER:
+            return None
+        lead_ns = self._longest_ns + (self._longest_ns - self._least_ns) // 2 + self._char_ns
+        return lead_ns if lead_ns + self._char_ns <= min(self._wholes_ns) else None
