@@ -37,6 +37,8 @@ class Gate(NamedTuple):
 
     first: int
     needs: int
+    is_judged: bool = False
+    """A position ends there: what leaves in the place of the bytes between is somebody's judgement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +81,7 @@ def write_shape(words: int, first_word: int, position_words: int) -> Shape:
     may have to be refused.
     """
     data_ends = BLOCK_HEAD + 2 * (first_word + position_words)
-    return Shape(
-        BLOCK_HEAD + 2 * words + CRC_BYTES, (Gate(0, ADDRESS_KNOWN), Gate(BLOCK_HEAD, data_ends))
-    )
+    return Shape(BLOCK_HEAD + 2 * words + CRC_BYTES, (Gate(0, ADDRESS_KNOWN), Gate(BLOCK_HEAD, data_ends)))
 
 
 def read_shape() -> Shape:
@@ -101,7 +101,8 @@ def reply_shape(words: int, positions: Sequence[tuple[int, int]] = ()) -> Shape:
     """
     gates = [Gate(0, COUNT_KNOWN)]
     for first, count in positions:
-        gates.append(Gate(COUNT_KNOWN + 2 * first, COUNT_KNOWN + 2 * (first + count)))
+        data_ends = COUNT_KNOWN + 2 * (first + count)
+        gates.append(Gate(COUNT_KNOWN + 2 * first, data_ends, is_judged=True))
     return Shape(ADU_OVERHEAD + FUNCTION_KNOWN + 2 * words, tuple(gates))
 
 
@@ -122,10 +123,10 @@ def stored_ns(shape: Shape, in_ns: int) -> int:
 
 
 class Piece(NamedTuple):
-    """Bytes of a frame that came at once: when, and how many there were of it by then."""
+    """Bytes of a frame that came at once: when, and how many there are of it since then."""
 
     came_ns: int
-    count: int
+    so_far: int
 
 
 def needed_ns(shape: Shape, pieces: Sequence[Piece], out_ns: int) -> int:
@@ -139,15 +140,15 @@ def needed_ns(shape: Shape, pieces: Sequence[Piece], out_ns: int) -> int:
     for piece in pieces:
         # The check sum needs all of them; what leaves then is the first byte that did not before.
         first = shape.leaves(before)
-        if shape.needs(first) <= piece.count:
+        if shape.needs(first) <= piece.so_far:
             most_ns = max(most_ns, piece.came_ns - begun_ns - first * out_ns)
-        before = piece.count
+        before = piece.so_far
     return most_ns
 
 
 LEARNED_AFTER: Final = 32
 """Frames of a shape that are stored before the first one may leave early: nobody knows the port before."""
-REMEMBERED: Final = 512
+REMEMBERED: Final = 256
 """Frames whose needs count: a port that was disturbed once is trusted again after so many."""
 
 
@@ -158,7 +159,7 @@ class MeasuredLead:
     show in when the bytes came. The margin is one character and half of what the needs have differed by.
     """
 
-    __slots__ = ("_char_ns", "_least_ns", "_longest_ns", "_needs_ns", "_wholes_ns", "out_ns", "shape")
+    __slots__ = ("_char_ns", "_needs_ns", "_wholes_ns", "lead_ns", "out_ns", "shape")
 
     def __init__(self, shape: Shape, in_ns: int, out_ns: int) -> None:
         self.shape = shape
@@ -166,32 +167,16 @@ class MeasuredLead:
         self._char_ns = max(in_ns, out_ns)
         self._needs_ns: deque[int] = deque(maxlen=REMEMBERED)
         self._wholes_ns: deque[int] = deque(maxlen=REMEMBERED)
-        self._longest_ns = 0
-        self._least_ns = 0
+        self.lead_ns: int | None = None
+        """After so long a frame may begin to leave. None: it is stored, because too few have been seen, or
+        because it would not leave a character before the soonest of them was whole."""
 
     def note(self, pieces: Sequence[Piece]) -> None:
         """Learn from a frame that has come whole, whether it was cut through or stored."""
-        need_ns = needed_ns(self.shape, pieces, self.out_ns)
-        is_bound = len(self._needs_ns) == REMEMBERED and self._needs_ns[0] in (
-            self._longest_ns,
-            self._least_ns,
-        )
-        self._needs_ns.append(need_ns)
-        self._wholes_ns.append(pieces[-1].came_ns - pieces[0].came_ns)
-        if is_bound or len(self._needs_ns) == 1:
-            self._longest_ns, self._least_ns = max(self._needs_ns), min(self._needs_ns)
-        else:
-            self._longest_ns = max(self._longest_ns, need_ns)
-            self._least_ns = min(self._least_ns, need_ns)
-
-    @property
-    def lead_ns(self) -> int | None:
-        """After so long a frame may begin to leave; None: it is stored, for that would gain nothing.
-
-        Also while too few have been seen. It gains something where it leaves at least a character before the
-        frame that was whole soonest.
-        """
-        if len(self._needs_ns) < LEARNED_AFTER:
-            return None
-        lead_ns = self._longest_ns + (self._longest_ns - self._least_ns) // 2 + self._char_ns
-        return lead_ns if lead_ns + self._char_ns <= min(self._wholes_ns) else None
+        needs_ns, wholes_ns = self._needs_ns, self._wholes_ns
+        needs_ns.append(needed_ns(self.shape, pieces, self.out_ns))
+        wholes_ns.append(pieces[-1].came_ns - pieces[0].came_ns)
+        longest_ns = max(needs_ns)
+        lead_ns = longest_ns + (longest_ns - min(needs_ns)) // 2 + self._char_ns
+        is_gain = len(needs_ns) >= LEARNED_AFTER and lead_ns + self._char_ns <= min(wholes_ns)
+        self.lead_ns = lead_ns if is_gain else None
