@@ -81,7 +81,8 @@ def write_shape(words: int, first_word: int, position_words: int) -> Shape:
     may have to be refused.
     """
     data_ends = BLOCK_HEAD + 2 * (first_word + position_words)
-    return Shape(BLOCK_HEAD + 2 * words + CRC_BYTES, (Gate(0, ADDRESS_KNOWN), Gate(BLOCK_HEAD, data_ends)))
+    gates = Gate(0, ADDRESS_KNOWN), Gate(BLOCK_HEAD, data_ends, is_judged=True)
+    return Shape(BLOCK_HEAD + 2 * words + CRC_BYTES, gates)
 
 
 def read_shape() -> Shape:
