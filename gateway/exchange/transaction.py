@@ -4,7 +4,9 @@ A :class:`Transaction` is in one :class:`Phase`, and goes from one to the next o
 says, which is asserted at each step. Its own frame leaves once: a frame may leave only from ``WAITING``
 (:meth:`Transaction.leave`, asked by the line in the one place where frames leave), and no phase leads back to
 ``WAITING`` from ``SENT``. A
-prerequisite, which the gateway adds, may come before it, as often as it takes; each is another frame.
+prerequisite, which the gateway adds, may come before it, as often as it takes; each is another frame. What
+leaves while it still arrives (``LEAVING``) is no frame before its check sum has left: until then it ends as
+if it had never been sent, spoilt so that no drive takes it for one (``cut_through``).
 
 A transaction ends once, in :meth:`Endings.finish`, with one :class:`~gateway.exchange.axis.events.Outcome`;
 one that went the fast path and was answered as usual ends in ``LineExchange.reply``, in the same steps.
@@ -45,6 +47,8 @@ class Phase(Enum):
     """Its own frame has not left, and nothing of it is on the wire."""
     PREREQUISITE = "prerequisite"
     """A frame of the gateway's own that it needs first is on the wire."""
+    LEAVING = "leaving"
+    """Bytes of its own frame have left while it still arrives: it is no frame before its check sum has."""
     SENT = "sent"
     """Its own frame has left."""
     ENDED = "ended"
@@ -52,8 +56,9 @@ class Phase(Enum):
 
 
 PHASE_AFTER: Final = {
-    Phase.WAITING: frozenset({Phase.PREREQUISITE, Phase.SENT, Phase.ENDED}),
+    Phase.WAITING: frozenset({Phase.PREREQUISITE, Phase.LEAVING, Phase.SENT, Phase.ENDED}),
     Phase.PREREQUISITE: frozenset({Phase.WAITING, Phase.ENDED}),
+    Phase.LEAVING: frozenset({Phase.SENT, Phase.ENDED}),
     Phase.SENT: frozenset({Phase.ENDED}),
     Phase.ENDED: frozenset(),
 }
@@ -62,6 +67,7 @@ PHASE_AFTER: Final = {
 OUTCOMES: Final = {
     Phase.WAITING: frozenset({Outcome.NEVER_SENT}),
     Phase.PREREQUISITE: frozenset({Outcome.NEVER_SENT}),
+    Phase.LEAVING: frozenset({Outcome.NEVER_SENT}),
     Phase.SENT: frozenset(set(Outcome) - {Outcome.NEVER_SENT}),
     Phase.ENDED: frozenset(),
 }
@@ -96,6 +102,7 @@ STOP_AFTER: Final = {
 
 _WAITING: Final = Phase.WAITING  # a member is looked up slowly, and these are asked for with each request
 _PREREQUISITE: Final = Phase.PREREQUISITE
+_LEAVING: Final = Phase.LEAVING
 _SENT: Final = Phase.SENT
 _ENDED: Final = Phase.ENDED
 _NO_STOP: Final = Stopping.NO
@@ -308,8 +315,15 @@ class Transaction:
         """Note how the positions that it reads on a fast path are turned back."""
         self.readbacks = readbacks
 
+    def lead(self) -> None:
+        """The first bytes of its own frame leave, while it still arrives."""
+        self._go_on(_LEAVING)
+
     def leave(self, now_ns: int, unit_id: int, patience_ns: int) -> None:
-        """A frame leaves for it now: its own, which does so once, or one that it needs first."""
+        """A frame leaves for it now: its own, which does so once, or one that it needs first.
+
+        One that leaves while it arrives does so with its check sum.
+        """
         self._go_on(_SENT if self.added is None or self.port is None else _PREREQUISITE)
         self.sent_ns = now_ns
         self.wire_unit_id = unit_id
