@@ -32,7 +32,7 @@ spoilt frame wants. The drive has had nothing of it that it could take for a fra
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.compiled import mypyc_attr
 from gateway.exchange.leads import CRC_BYTES, Piece, Shape
@@ -134,6 +134,17 @@ CUT_AFTER: Final[Mapping[Cut, Mapping[Turn, Cut]]] = {
 """Where each state leads. Only one row leads to WHOLE."""
 
 
+class Pace(NamedTuple):
+    """How fast frames leave, and what is too slow."""
+
+    out_ns: int
+    """What a character takes on the wire on which they leave."""
+    stall_ns: int
+    """After so long without a byte no more of a frame comes: 1.5 characters, and what pieces are apart."""
+    guard_ns: int
+    """So long before the transmitter is empty a frame is filled up: less than the margin of its lead."""
+
+
 @dataclass(frozen=True, slots=True)
 class Opening:
     """A frame that may be cut through: what it is expected to be."""
@@ -149,7 +160,7 @@ class Opening:
 class Judge:
     """What a frame on its way through asks of the exchange. Nothing but ``commits`` changes anything."""
 
-    def opening(self, begun: bytes) -> Opening | None:
+    def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """Return what a frame is expected to be that begins so; None: it may not leave, as far as is known.
 
         Asked anew with each piece that comes, until it is answered or the frame is whole.
@@ -160,14 +171,14 @@ class Judge:
         """Return whether a frame whose head is whole is what was expected."""
         raise NotImplementedError
 
-    def rendered(self, begun: bytes, first: int, end: int) -> bytes | None:
+    def rendered(self, begun: bytes, first: int, end: int, now_ns: int) -> bytes | None:
         """Return what leaves in the place of the bytes ``first`` to ``end``, all of which have come.
 
         It has as many bytes. None: they may not leave, or nobody knows without looking closer.
         """
         raise NotImplementedError
 
-    def commits(self, frame: bytes, sent: bytes) -> bool:
+    def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
         """Decide whether a good frame that leaves as ``sent`` gets its check sum; and take note of it.
 
         What has to be known of it after a kill is written before this returns. Both without check sum.
@@ -222,8 +233,7 @@ class CutThrough:
     Args:
         arrival: follows its bytes.
         judge: decides what may leave.
-        out_ns: what a character takes on the wire on which it leaves.
-        stall_ns: after so long without a byte no more of it comes: 1.5 characters, and what pieces are apart.
+        pace: how fast it leaves, and what is too slow.
         on_turn: hears of each step, and why.
     """
 
@@ -233,9 +243,8 @@ class CutThrough:
         "_on_turn",
         "_opening",
         "_out",
-        "_out_ns",
+        "_pace",
         "_rendered",
-        "_stall_ns",
         "arrival",
         "began_ns",
         "left",
@@ -247,8 +256,7 @@ class CutThrough:
         self,
         arrival: RequestArrival,
         judge: Judge,
-        out_ns: int,
-        stall_ns: int,
+        pace: Pace,
         on_turn: Callable[[Turn], None] = lambda _turn: None,
     ) -> None:
         self.arrival = arrival
@@ -260,8 +268,7 @@ class CutThrough:
         self.pieces: list[Piece] = []
         """How it came."""
         self._judge = judge
-        self._out_ns = out_ns
-        self._stall_ns = stall_ns
+        self._pace = pace
         self._on_turn = on_turn
         self._opening: Opening | None = None
         self._out = b""
@@ -283,14 +290,13 @@ class CutThrough:
     @property
     def empty_ns(self) -> int:
         """When the transmitter has sent all that has left."""
-        return self.began_ns + len(self.left) * self._out_ns
+        return self.began_ns + len(self.left) * self._pace.out_ns
 
     @property
     def deadline_ns(self) -> int | None:
         """When :meth:`tick` wants to be called; None: not before something else happens."""
         if self.is_on_the_way:
-            # Half a character early: the filling has to be there when the transmitter wants its next byte.
-            return min(self._last_came_ns + self._stall_ns, self.empty_ns - self._out_ns // 2)
+            return min(self._last_came_ns + self._pace.stall_ns, self.empty_ns - self._pace.guard_ns)
         return self._opens_ns if self.state is Cut.BEGUN and self._opening is not None else None
 
     @property
@@ -350,7 +356,7 @@ class CutThrough:
         if self.state is Cut.LEAVING:
             if known is Known.ODD:
                 return self.end(Turn.UNFIT, now_ns)
-            if not self._judge_positions():
+            if not self._judge_positions(now_ns):
                 return self.end(Turn.REFUSED, now_ns)
             if known is Known.BAD:
                 return self.end(Turn.BAD, now_ns)
@@ -364,7 +370,7 @@ class CutThrough:
             self._go_on(Turn.KEPT)
             return False
         if self._opening is None:
-            self._opening = self._judge.opening(self.arrival.data)
+            self._opening = self._judge.opening(self.arrival.data, now_ns)
         if self._opening is None or now_ns < self._opens_ns or not self._piece():
             return False
         self._go_on(Turn.OPENED)
@@ -375,7 +381,7 @@ class CutThrough:
         arrival, opening = self.arrival, self._opening
         return arrival.length == opening.shape.length and self._judge.fits(opening, arrival.data)
 
-    def _judge_positions(self) -> bool:
+    def _judge_positions(self, now_ns: int) -> bool:
         """Have the positions judged that have come; return whether all of them may leave."""
         assert self._opening is not None
         come = self.arrival.data
@@ -383,7 +389,7 @@ class CutThrough:
         for gate in judged[self._rendered :]:
             if len(come) < gate.needs:
                 break
-            words = self._judge.rendered(come[: gate.needs], gate.first, gate.needs)
+            words = self._judge.rendered(come[: gate.needs], gate.first, gate.needs, now_ns)
             if words is None:
                 return False
             self._out += come[len(self._out) : gate.first] + words
@@ -407,7 +413,7 @@ class CutThrough:
         body = self.arrival.length - CRC_BYTES
         came = self.arrival.data[:body]
         out = self._out + came[len(self._out) :]
-        if not self._judge.commits(came, out):
+        if not self._judge.commits(came, out, now_ns):
             return self.end(Turn.CHANGED, now_ns)
         self._go_on(Turn.COMMITTED)
         whole = out + residue_after(out).to_bytes(CRC_BYTES, "little")

@@ -138,17 +138,33 @@ class WritePath(FastPath):
 
     def sent(self, transaction: Transaction, now_ns: int) -> bytes | None:
         """See ``FastPath``."""
-        axis, pdu = self._axis, transaction.pdu
+        pdu = transaction.pdu
         if len(pdu) != self._size:
             return None
         start, end = self._start, self._end
         target = self.judged(transaction.port, pdu[start:end], now_ns)
         if target is None:
             return None
+        self.keep(transaction, target)
+        return pdu[:start] + target[1] + pdu[end:]
+
+    def keep(self, transaction: Transaction, target: SteadyTarget) -> None:
+        """A target goes out next: what has to be known of it after a kill is written."""
+        axis = self._axis
         transaction.carry(self, target)
         if axis.record is not None and not axis.send_steady(target):
             axis.send_target(transaction.rendering())
-        return pdu[:start] + target[1] + pdu[end:]
+
+    def is_ready(self, port: ControllerPort | None, now_ns: int) -> bool:
+        """Whether nothing but its words can keep a target from going this way."""
+        if port is None or (port.writer != self._hold.writer and not self._hold.is_shared):
+            return False  # another one moved it last, or nobody
+        return self._axis.compensation.is_steady and self._is_usual(now_ns)
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Where in the PDU the position begins and ends."""
+        return self._start, self._end
 
     def judged(self, port: ControllerPort | None, words: bytes, now_ns: int) -> SteadyTarget | None:
         """Return the target that its words are, as it would be sent now; None: it goes the slow path.
@@ -158,9 +174,7 @@ class WritePath(FastPath):
         """
         axis, image = self._axis, self._image
         compensation = axis.compensation
-        if port is None or (port.writer != self._hold.writer and not self._hold.is_shared):
-            return None  # another one moved it last, or nobody
-        if not compensation.is_steady or not self._is_usual(now_ns):
+        if not self.is_ready(port, now_ns):
             return None
         if words == image.nominal_words:
             if compensation.accepted is None or image.corrected_words is None:

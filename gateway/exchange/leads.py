@@ -147,6 +147,8 @@ def needed_ns(shape: Shape, pieces: Sequence[Piece], out_ns: int) -> int:
     return most_ns
 
 
+MARGIN_NS: Final = 250_000
+"""What a timer, a turn of the loop and a write take on a quiet machine: nobody sees it in what came."""
 LEARNED_AFTER: Final = 32
 """Frames of a shape that are stored before the first one may leave early: nobody knows the port before."""
 REMEMBERED: Final = 256
@@ -157,13 +159,14 @@ class MeasuredLead:
     """How long after its first piece a frame of one shape may begin to leave, by what the last ones needed.
 
     No model of an adapter: latency timers, packets, the scheduler of the system and different baud rates all
-    show in when the bytes came. The margin is one character and half of what the needs have differed by.
+    show in when the bytes came. The margin is ``margin_ns`` and half of what the needs have differed by.
     """
 
-    __slots__ = ("_char_ns", "_needs_ns", "_wholes_ns", "lead_ns", "out_ns", "shape")
+    __slots__ = ("_char_ns", "_margin_ns", "_needs_ns", "_wholes_ns", "lead_ns", "out_ns", "shape")
 
-    def __init__(self, shape: Shape, in_ns: int, out_ns: int) -> None:
+    def __init__(self, shape: Shape, in_ns: int, out_ns: int, margin_ns: int = MARGIN_NS) -> None:
         self.shape = shape
+        self._margin_ns = margin_ns
         self.out_ns = out_ns
         self._char_ns = max(in_ns, out_ns)
         self._needs_ns: deque[int] = deque(maxlen=REMEMBERED)
@@ -178,6 +181,6 @@ class MeasuredLead:
         needs_ns.append(needed_ns(self.shape, pieces, self.out_ns))
         wholes_ns.append(pieces[-1].came_ns - pieces[0].came_ns)
         longest_ns = max(needs_ns)
-        lead_ns = longest_ns + (longest_ns - min(needs_ns)) // 2 + self._char_ns
+        lead_ns = longest_ns + (longest_ns - min(needs_ns)) // 2 + self._margin_ns
         is_gain = len(needs_ns) >= LEARNED_AFTER and lead_ns + self._char_ns <= min(wholes_ns)
         self.lead_ns = lead_ns if is_gain else None

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from gateway.exchange.cut_through import CutThrough, Judge, Opening, Turn, is_fit_head
+from gateway.exchange.cut_through import CutThrough, Judge, Opening, Pace, Turn, is_fit_head
 from gateway.exchange.leads import Shape, acknowledgement_shape, read_shape, reply_shape, write_shape
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu_arrival import ReplyArrival, RequestArrival
@@ -13,6 +13,9 @@ CHAR_NS = 1000
 LEAD_NS = 4000
 """After the first character: a write leaves when five have come."""
 STALL_NS = 1500
+GUARD_NS = 500
+"""Half a character; the lead has a margin of a whole one."""
+PACE = Pace(CHAR_NS, STALL_NS, GUARD_NS)
 HEAD = bytes.fromhex("01 10 6F 00 00 02 04")
 WRITE = append_crc(HEAD + bytes.fromhex("55 55 00 08"))
 RENDERED = bytes.fromhex("55 55 00 0B")
@@ -35,7 +38,7 @@ class Adds(Judge):
     agrees: bool = True
     committed: list[tuple[bytes, bytes]] = field(default_factory=list)
 
-    def opening(self, begun: bytes) -> Opening | None:
+    def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         known = self.shape.needs(0)
         head = self.expected[: self.head_bytes]
         if len(begun) < known or not is_fit_head(head):
@@ -48,7 +51,7 @@ class Adds(Judge):
     def fits(self, opening: Opening, begun: bytes) -> bool:
         return begun[: self.head_bytes] == self.expected[: self.head_bytes]
 
-    def rendered(self, begun: bytes, first: int, end: int) -> bytes | None:
+    def rendered(self, begun: bytes, first: int, end: int, now_ns: int) -> bytes | None:
         assert len(begun) == end
         words = begun[first:end]
         if words[-4:] in self.refused:
@@ -56,7 +59,7 @@ class Adds(Judge):
         raw = (int.from_bytes(words[-4:], "big") + self.counts) % 2**32
         return words[:-4] + raw.to_bytes(4, "big")
 
-    def commits(self, frame: bytes, sent: bytes) -> bool:
+    def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
         self.committed.append((frame, sent))
         return self.agrees
 
@@ -70,14 +73,14 @@ def write(stall_ns: int = STALL_NS, **changes: object) -> tuple[CutThrough, Adds
     """Return a write that has not begun to come, its judge, and the steps that it takes."""
     judge = Adds(**changes)  # type: ignore[arg-type]
     turns: list[Turn] = []
-    return CutThrough(RequestArrival(), judge, CHAR_NS, stall_ns, turns.append), judge, turns
+    return CutThrough(RequestArrival(), judge, Pace(CHAR_NS, stall_ns, GUARD_NS), turns.append), judge, turns
 
 
 def read(**changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
     """The same of a read: it may begin with its second byte."""
     judge = Adds(shape=read_shape(), expected=READ[:-2], head_bytes=6, lead_ns=2000, **changes)  # type: ignore[arg-type]
     turns: list[Turn] = []
-    return CutThrough(RequestArrival(), judge, CHAR_NS, STALL_NS, turns.append), judge, turns
+    return CutThrough(RequestArrival(), judge, PACE, turns.append), judge, turns
 
 
 def read_reply(**changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
@@ -85,7 +88,11 @@ def read_reply(**changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
     expected = {"shape": reply_shape(3, [(0, 2)]), "expected": READ_REPLY[:-2], "head_bytes": 3}
     judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
     turns: list[Turn] = []
-    return CutThrough(ReplyArrival(1, READ[1:-2]), judge, CHAR_NS, STALL_NS, turns.append), judge, turns
+    return (
+        CutThrough(ReplyArrival(1, READ[1:-2]), judge, PACE, turns.append),
+        judge,
+        turns,
+    )
 
 
 def acknowledgement(**changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
@@ -93,7 +100,11 @@ def acknowledgement(**changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
     expected = {"shape": acknowledgement_shape(), "expected": HEAD[:6], "head_bytes": 2, "lead_ns": 2000}
     judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
     turns: list[Turn] = []
-    return CutThrough(ReplyArrival(1, WRITE[1:-2]), judge, CHAR_NS, STALL_NS, turns.append), judge, turns
+    return (
+        CutThrough(ReplyArrival(1, WRITE[1:-2]), judge, PACE, turns.append),
+        judge,
+        turns,
+    )
 
 
 def characters(data: bytes, from_ns: int = 0, char_ns: int = CHAR_NS) -> list[tuple[int, bytes]]:

@@ -9,7 +9,7 @@ from gateway.exchange.cut_through import Cut, CutThrough, Turn, closed, is_fit_h
 from gateway.exchange.leads import write_shape
 from gateway.modbus.crc import INVERTED, append_crc, ends_a_frame, is_intact, residue_after
 from gateway.modbus.rtu_arrival import Known, RequestArrival
-from tests.exchange.cut_bench import CHAR_NS, STALL_NS, Adds
+from tests.exchange.cut_bench import CHAR_NS, PACE, Adds
 from tests.soak import repeated
 
 ENDS = (Turn.OVERTAKEN, Turn.GONE, Turn.ANEW, Turn.LOST)
@@ -103,7 +103,7 @@ def run(course: Course) -> Left:
         refused=frozenset({course.frame[position : position + 4]} if course.refused else ()),
         agrees=course.agrees,
     )
-    cut = CutThrough(RequestArrival(), judge, CHAR_NS, STALL_NS)
+    cut = CutThrough(RequestArrival(), judge, PACE)
     pieces: list[tuple[int, bytes]] = []
 
     def tick_until(now_ns: int) -> None:

@@ -176,7 +176,7 @@ def steady(count: int, char_ns: int = 1000, late_ns: int = 0) -> list[Piece]:
 
 
 def test_nothing_is_known_of_a_port_before_enough_frames_have_come() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000)
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER - 1):
         lead.note(steady(13))
         assert lead.lead_ns is None
@@ -186,7 +186,7 @@ def test_nothing_is_known_of_a_port_before_enough_frames_have_come() -> None:
 
 
 def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_after_a_while() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000)
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
         lead.note(steady(13))
     lead.note(steady(13, late_ns=900))
@@ -199,14 +199,14 @@ def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_a
 
 
 def test_a_port_that_hands_frames_over_whole_stores() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000)
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(2 * LEARNED_AFTER):
         lead.note([Piece(0, 13)])
     assert lead.lead_ns is None
 
 
 def test_lumps_are_no_hindrance_where_the_wire_behind_them_is_busy_meanwhile() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000)
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
         lead.note([Piece(0, 9), Piece(5000, 13)])
     # Seven bytes of the head leave at once, for 7 characters; after 5 the rest is there.
@@ -214,7 +214,7 @@ def test_lumps_are_no_hindrance_where_the_wire_behind_them_is_busy_meanwhile() -
 
 
 def test_a_port_whose_needs_leave_no_gain_stores_and_cuts_through_again_when_they_have_passed() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000)
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
         lead.note(steady(13))
     late = [Piece(each.came_ns + (5000 if each.so_far > 10 else 0), each.so_far) for each in steady(13)]
@@ -223,3 +223,39 @@ def test_a_port_whose_needs_leave_no_gain_stores_and_cuts_through_again_when_the
     for _ in range(REMEMBERED):
         lead.note(steady(13))
     assert lead.lead_ns == 4000
+
+
+@pytest.mark.parametrize(
+    ("baudrate", "lump_ns", "asked", "answered", "at_most"),
+    [
+        (9600, 0, WRITE, ACKNOWLEDGEMENT, 0.40),
+        (9600, 0, READ, POSITION, 0.40),
+        (19200, 0, WRITE, ACKNOWLEDGEMENT, 0.40),
+        (19200, 0, READ, POSITION_AND_STATUS, 0.40),
+        (38400, MS, WRITE, ACKNOWLEDGEMENT, 0.60),
+        (38400, MS, READ, POSITION_AND_STATUS, 0.62),
+    ],
+)
+def test_what_is_added_with_the_margin_of_a_measured_port(
+    baudrate: int, lump_ns: int, asked: Shape, answered: Shape, at_most: float
+) -> None:
+    char_ns = 11 * 1_000_000_000 // baudrate
+    added_ns = sum(measured_ns(shape, char_ns, lump_ns) for shape in (asked, answered))
+    assert added_ns / ((asked.length + answered.length) * char_ns) <= at_most
+
+
+def measured_ns(shape: Shape, char_ns: int, lump_ns: int) -> int:
+    """What a frame adds on its way: it ends so much later behind the gateway than in front of it."""
+    pieces: list[Piece] = []
+    begun_ns = 0
+    for number in range(1, shape.length + 1):
+        came_ns = number * char_ns
+        if not pieces or came_ns > pieces[-1].came_ns:
+            begun_ns = came_ns
+            pieces.append(Piece(begun_ns + lump_ns, number))
+        pieces[-1] = Piece(pieces[-1].came_ns, number)
+    lead = MeasuredLead(shape, char_ns, char_ns)
+    for _ in range(LEARNED_AFTER):
+        lead.note(pieces)
+    assert lead.lead_ns is not None
+    return pieces[0].came_ns + lead.lead_ns
