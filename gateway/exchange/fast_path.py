@@ -101,6 +101,35 @@ class ReadPath(FastPath):
             note_bits(self._hits.bits, data[2:], NOBODY, transaction.sent_ns)
         return bytes(data)
 
+    @property
+    def quantity(self) -> int:
+        """How many registers it reads."""
+        return self._access.read_quantity
+
+    @property
+    def places(self) -> tuple[tuple[int, int], ...]:
+        """Where in the PDU of a reply each position begins and ends."""
+        return tuple((read.start, read.end) for read in self._reads)
+
+    def turned(self, transaction: Transaction, which: int, words: bytes) -> bytes | None:
+        """Return what ``answered`` would make of the words of one position; None: that cannot be said yet.
+
+        Nothing is changed by it.
+        """
+        axis, role, _, number, field, _, _ = self._reads[which]
+        readback, record = transaction.readbacks[which], axis.record
+        if axis.unproven is not None or (record is not None and record.recalled is not None):
+            return None  # the reading itself may prove something, and be turned back otherwise
+        if readback is None:
+            return words
+        try:
+            if role is FieldRole.LIMIT:
+                return nominal_limit(axis, number, words)
+            meant = axis.fields[number].means(words) if role is FieldRole.COMMAND else None
+            return meant or axis.nominal_words(field, words, readback)
+        except RegisterRangeError:
+            return None
+
 
 class WritePath(FastPath):
     """Writes of one whole target, in a frame that may hold other words beside it."""
@@ -165,6 +194,11 @@ class WritePath(FastPath):
     def place(self) -> tuple[int, int]:
         """Where in the PDU the position begins and ends."""
         return self._start, self._end
+
+    @property
+    def echo(self) -> bytes:
+        """The reply with which a drive acknowledges it."""
+        return self._echo
 
     def judged(self, port: ControllerPort | None, words: bytes, now_ns: int) -> SteadyTarget | None:
         """Return the target that its words are, as it would be sent now; None: it goes the slow path.
