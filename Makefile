@@ -5,6 +5,8 @@ TOOLS := build/tools
 # More than cores, because most of the long ones wait for programs that they started.
 PYTEST := $(BIN)/python -m pytest --numprocesses $(shell expr $$(nproc) + 2) --dist loadfile --no-loadscope-reorder
 
+# Nothing of ours is a plugin of pydantic; to look for one reads what is installed, in each of them.
+export PYDANTIC_DISABLE_PLUGINS := __all__
 # Hundreds of interpreters start in a run: without compiled modules each would compile the program again.
 unexport PYTHONDONTWRITEBYTECODE
 # Where the locale knows ASCII only, Python cannot read the path of a checkout that has more in it.
@@ -34,8 +36,13 @@ quick-tests: setup # of quick the tests alone
 test-pythons: setup ## the tests of quick on every Python that is claimed and found; PYTHONS="PATH ..." names more
 	$(BIN)/python tools/pythons.py
 
-test: setup test-programs check ## everything: checks, unit, property and end-to-end tests
+test: setup test-programs ## everything: checks, unit, property and end-to-end tests
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync check collected
 	$(PYTEST)
+
+# On a fresh checkout each worker would compile all tests, all at once; beside mypy there is a core for it.
+collected: setup
+	@$(BIN)/python -m pytest --collect-only --quiet >/dev/null || true  # what is wrong the run itself says
 
 # Not those of the package: they build one of the sources, and the compiled modules lie among these here.
 test-compiled: setup test-programs ## the same tests with the hot path compiled; needs a C compiler

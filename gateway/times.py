@@ -11,8 +11,8 @@ NS_PER_S: Final = 1_000_000_000
 def span(seconds: float) -> str:
     """Return a span as a person says it.
 
-    >>> span(12.34), span(3_725.0), span(90_061.0)
-    ('12 s', '1 h 2 min', '1 d 1 h')
+    >>> span(0.4), span(12.34), span(3_725.0), span(90_061.0)
+    ('less than 1 s', '12 s', '1 h 2 min', '1 d 1 h')
     """
     whole = int(seconds)
     for unit_s, unit, part_s, part in (
@@ -22,4 +22,4 @@ def span(seconds: float) -> str:
     ):
         if whole >= unit_s:
             return f"{whole // unit_s} {unit} {whole % unit_s // part_s} {part}"
-    return f"{whole} s"
+    return f"{whole} s" if whole else "less than 1 s"

@@ -1,4 +1,7 @@
-"""How often a test repeats what it draws at random: in full in ``make soak``, a tenth of it elsewhere."""
+"""How often a test repeats what it draws at random: in full in ``make soak``, a tenth of it elsewhere.
+
+And what takes minutes, and is the same each time: in ``make soak`` alone (``IS_FULL``).
+"""
 
 import os
 from typing import Final

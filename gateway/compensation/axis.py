@@ -236,7 +236,8 @@ class AxisCompensation:
         self.begin_anew()
         self._state = state._replace(spec=NOTHING, previous=None, change=1.0, change_distance=0.0)
         if accepted is not None:
-            self._accepted = Accepted(accepted.nominal_counts, accepted.nominal_counts)
+            here = accepted.nominal_counts
+            self._accepted, self._way = Accepted(here, here), (here, here)
 
     def find_reference(self, spec: CorrectionSpec) -> None:
         """The axis knows where it is: want ``spec``, on the branch that homing ended on.

@@ -1,6 +1,7 @@
 """Who may send what: the role of a controller, its rights, and the stops that go before everything else."""
 
 from collections.abc import Callable
+from typing import Final
 
 from gateway.exchange.access import only_reads
 from gateway.exchange.axis.events import Outcome
@@ -16,6 +17,11 @@ from gateway.exchange.rights import UNLIMITED
 from gateway.exchange.throttle import Throttle, times
 from gateway.exchange.transaction import Answer, Endings, Transaction
 from gateway.modbus.pdu import ExceptionCode
+
+NO_ROOM: Final = Denial(
+    ExceptionCode.SERVER_DEVICE_BUSY, "", f"{WAITING_BYTES >> 10} KiB of requests of its host wait already"
+)
+"""Why a request is refused that has no room left to wait in."""
 
 
 def judge(units: Units, transaction: Transaction, *, is_free: bool) -> tuple[bool, list[Meaning]]:
@@ -34,6 +40,14 @@ def judge(units: Units, transaction: Transaction, *, is_free: bool) -> tuple[boo
     return role is Role.MOTION or may_stop, stops
 
 
+def role_denial(role: Role) -> Denial:
+    """Return why a role does not allow what its controller asks for."""
+    detail = f"a request that may write, from a {role.value}"
+    if role is Role.OPERATOR:
+        detail = "a request that does more than read and stop, from an operator"
+    return Denial(ExceptionCode.ILLEGAL_FUNCTION, "role", detail)
+
+
 class Admission:
     """The doors of one line: what is not allowed is refused here and counted; its events are throttled."""
 
@@ -47,8 +61,8 @@ class Admission:
         self._gates: dict[ControllerPlan, Gate] = {}
         self._told = Throttle()
 
-    def lets_in(self, transaction: Transaction, now_ns: int) -> bool:
-        """Return whether a controller's rights allow a request; what they do not is answered."""
+    def denial(self, transaction: Transaction, now_ns: int) -> Denial | None:
+        """Return why the rights of its controller do not allow a request that comes now; None: they do."""
         port = transaction.port
         assert port is not None
         gate = port.gate
@@ -56,16 +70,23 @@ class Admission:
             self._ownership.came(port)
             gate = port.gate = self._gate_of(port.plan)
         if gate is None:
-            return True
+            return None
         denial = gate.denial(transaction.unit_id, transaction.pdu)
         if denial is None and gate.is_too_often(now_ns):
             units = self._units
             is_stop = units.have_rules and units.stops_of(units.frames_of(transaction))
             denial = None if is_stop else gate.too_often
+        return denial
+
+    def denial_of_waiting(self, transaction: Transaction) -> Denial:
+        """Return why one that was denied and has waited for its turn is refused; see ``denial``."""
+        port = transaction.port
+        assert port is not None
+        gate = port.gate
+        denial = None if gate is None else gate.denial(transaction.unit_id, transaction.pdu)
         if denial is None:
-            return True
-        self._deny(transaction, denial, now_ns, is_lost=port.is_motion)
-        return False
+            denial = NO_ROOM if port.is_motion or only_reads(transaction.pdu) else role_denial(port.plan.role)
+        return denial
 
     def gone(self, port: ControllerPort, now_ns: int) -> None:
         """Note that a connection is gone; a serial port may come back."""
@@ -73,42 +94,33 @@ class Admission:
             port.gate = UNSEEN
             self._ownership.gone(port, now_ns)
 
-    def deny_role(self, transaction: Transaction, now_ns: int) -> None:
-        """Refuse what the role of a controller does not allow."""
-        assert transaction.port is not None
-        detail = f"a request that may write, from a {transaction.port.plan.role.value}"
-        if transaction.port.plan.role is Role.OPERATOR:
-            detail = "a request that does more than read and stop, from an operator"
-        denial = Denial(ExceptionCode.ILLEGAL_FUNCTION, "role", detail)
-        self._deny(transaction, denial, now_ns, is_lost=False)
-
-    def deny_queue(self, transaction: Transaction, now_ns: int) -> None:
-        """Refuse what has no room left to wait in."""
-        detail = f"{WAITING_BYTES >> 10} KiB of requests of its host wait already"
-        self._deny(transaction, Denial(ExceptionCode.SERVER_DEVICE_BUSY, "", detail), now_ns, is_lost=True)
-
-    def _deny(self, transaction: Transaction, denial: Denial, now_ns: int, *, is_lost: bool) -> None:
+    def tell(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
+        """Tell that a request is not allowed, and of many like it how many there were."""
         port = transaction.port
         assert port is not None
         count = self._told.due((port.plan.name, denial.key), now_ns)
-        if count:
-            more = (
-                ("controller", port.plan.name),
-                ("peer", port.peer),
-                ("function_code", transaction.pdu[0]),
-                ("unit_id", transaction.unit_id),
-                ("key", denial.key),
-            )
-            key = f" ({denial.key})" if denial.key else ""
-            detail = f"{port.writer} may not do this: {denial.detail}{key}{times(count)}"
-            self._on_event(Event(EventKind.REQUEST_REFUSED, None, detail, more))
+        if not count:
+            return
+        more = (
+            ("controller", port.plan.name),
+            ("peer", port.peer),
+            ("function_code", transaction.pdu[0]),
+            ("unit_id", transaction.unit_id),
+            ("key", denial.key),
+        )
+        key = f" ({denial.key})" if denial.key else ""
+        detail = f"{port.writer} may not do this: {denial.detail}{key}{times(count)}"
+        self._on_event(Event(EventKind.REQUEST_REFUSED, None, detail, more))
+
+    def refuse(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
+        """Answer a request that is not allowed; only who may move something can lose it (M3)."""
         self._ends.finish(
             transaction,
             Outcome.NEVER_SENT,
             now_ns,
             code=denial.code,
             answer=Answer.DENIAL,
-            is_lost=is_lost,
+            is_lost=transaction.is_motion,
         )
 
     def _gate_of(self, plan: ControllerPlan) -> Gate | None:

@@ -115,13 +115,13 @@ class Gaps:
     def choose(self, first: Sequence[Transaction], now_ns: int) -> tuple[Transaction | None, int | None]:
         """Return the first transaction whose turn it is; else None, and when to ask again.
 
-        The line is free, and no motion waits. One whose controller has given up is returned too: it is to be
-        withdrawn, and must not keep back what waits behind it.
+        The line is free, and no motion waits. One whose controller has given up is returned too, and one
+        that is to be refused: neither goes anywhere, nor keeps back what waits behind it.
         """
         idle_ns = self._idle_ns(now_ns)
         is_chance = not 0 < idle_ns < self._quiet_ns
         for transaction in first:
-            if idle_ns >= NS_PER_S or transaction.why_given_up(now_ns):
+            if idle_ns >= NS_PER_S or transaction.is_denied or transaction.why_given_up(now_ns):
                 return transaction, None
             if not is_chance:
                 continue

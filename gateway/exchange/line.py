@@ -24,7 +24,7 @@ from gateway.exchange.added_frames import (
     reads_at_start,
     trial_read,
 )
-from gateway.exchange.admission import Admission, judge
+from gateway.exchange.admission import NO_ROOM, Admission, judge, role_denial
 from gateway.exchange.answers import Answers, Reach, Silence
 from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.events import Outcome
@@ -35,6 +35,7 @@ from gateway.exchange.counters import LineCounters
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on, moves_one_of
 from gateway.exchange.events import Event, EventKind
+from gateway.exchange.gate import Denial
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.meter import LineMeter
 from gateway.exchange.ownership import Ownership
@@ -196,8 +197,11 @@ class LineExchange:
         # Losses are told apart by it (M3): no two requests come at one instant.
         arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
         transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
-        if port.gate is not None and not self._admission.lets_in(transaction, arrived_ns):
-            return
+        if port.gate is not None:
+            denial = self._admission.denial(transaction, arrived_ns)
+            if denial is not None:
+                self._deny(transaction, denial, now_ns)
+                return
         if unit_id == self._own_unit_id:
             self._answer_as_own(transaction, why_given_up, now_ns)
             return
@@ -225,29 +229,34 @@ class LineExchange:
         assert port is not None
         is_allowed, stops = judge(self._units, transaction, is_free=is_free)
         if not is_allowed:
-            self._admission.deny_role(transaction, now_ns)
+            self._deny(transaction, role_denial(port.plan.role), now_ns)
         elif not self.is_up:
             self._refuse_absent(transaction, now_ns)
         elif is_free and stops:
             self._start(transaction, now_ns)
         elif stops:
             self._overtake(transaction, stops, now_ns)
-        elif self._waiting.is_full(port) and not self._may_be_denied_later(port):
-            self._admission.deny_queue(transaction, now_ns)
+        elif self._waiting.is_full(port):
+            self._deny(transaction, NO_ROOM, now_ns)
         elif self._is_answered_for(transaction, now_ns) and not self._is_behind(port):
             self._answer_for_dead(transaction, now_ns)
         else:
             self._gaps.is_watching |= not transaction.is_motion
-            if self._waiting.is_full(port):
-                transaction.deny()
             is_behind = self._waiting.has(port)
             self._waiting.add(transaction)
             if not is_behind:  # else nothing has changed for those before it
                 self._next(now_ns)
 
-    def _may_be_denied_later(self, port: ControllerPort) -> bool:
-        """Whether what has no room waits for its refusal: answers keep their order, but not in a flood."""
-        return self._is_behind(port) and not self._waiting.is_full(port, 2)
+    def _deny(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
+        """Refuse a request: behind the answers before it, which keep their order, but not in a flood."""
+        port = transaction.port
+        assert port is not None
+        self._admission.tell(transaction, denial, now_ns)
+        if self._is_behind(port) and not port.is_serial and not self._waiting.is_full(port, 2):
+            transaction.deny()
+            self._waiting.add(transaction)
+        else:
+            self._admission.refuse(transaction, denial, now_ns)
 
     def _overtake(self, stop: Transaction, stops: list[Meaning], now_ns: int) -> None:
         """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3).
@@ -258,7 +267,10 @@ class LineExchange:
         axes = [meaning.axis for meaning in stops]
         axes += self._units.given_targets(self._units.frames_of(stop))
         reason = "a stop of its axis came after it"
-        for transaction in self._waiting.withdraw(lambda each: is_acting_on(self._units, each, axes)):
+        acts = self._waiting.withdraw(
+            lambda each: not each.is_denied and is_acting_on(self._units, each, axes)
+        )
+        for transaction in acts:
             self._overtaken(transaction, reason, now_ns)
         current = self._current
         if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
@@ -627,7 +639,8 @@ class LineExchange:
             port = transaction.port
             if transaction.is_stop or port is None or id(port) in behind:
                 continue
-            if self._is_answered_for(transaction, now_ns) and not transaction.why_given_up(now_ns):
+            is_denied = transaction.is_denied or bool(transaction.why_given_up(now_ns))
+            if self._is_answered_for(transaction, now_ns) and not is_denied:
                 self._waiting.take(transaction)
                 self._answer_for_dead(transaction, now_ns)
             else:
@@ -698,7 +711,7 @@ class LineExchange:
         if reason:
             self._withdraw(transaction, reason, now_ns)
         elif transaction.is_denied:
-            self._admission.deny_queue(transaction, now_ns)
+            self._admission.refuse(transaction, self._admission.denial_of_waiting(transaction), now_ns)
         elif transaction.overtaken_by:
             self._overtaken(transaction, transaction.overtaken_by, now_ns)
         elif transaction.port is None and self._is_answered_for(transaction, now_ns):
@@ -766,7 +779,10 @@ class LineExchange:
         patience_ns = self._response_timeout_ns
         port = transaction.port
         if port is not None and port.patience_ns > patience_ns and transaction.added is None:
-            patience_ns = port.patience_ns
+            # A read that tries a dead drive (W11) keeps the others waiting no longer than a drive may take.
+            is_trial = bool(self.answers.silences) and self.answers.dead((unit_id,)) is not None
+            if not (is_trial and only_reads(pdu)):
+                patience_ns = port.patience_ns
         if port is not None and self.answers.silences and not transaction.is_stop:
             self.answers.had_turn(id(port))
         if transaction.is_stop and self._is_early(transaction, now_ns):
@@ -803,7 +819,9 @@ class LineExchange:
     # --- endings ---------------------------------------------------------------------------------------
 
     def _lose(self, transaction: Transaction, code: int) -> None:
-        """Note that a request never reached its drive (M3)."""
+        """Note that a request never reached its drive (M3); who may write nothing has nothing to lose."""
+        if transaction.is_denied and not transaction.is_motion:
+            return
         self._ownership.lose(transaction, code)
         self._report(self._units.axes_of(transaction.unit_id))
 

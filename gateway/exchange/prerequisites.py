@@ -183,9 +183,14 @@ def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
 
 
 def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
-    """Give the drive the words that the controller wrote before something runs that nobody knows (M2)."""
+    """Give the drive the words that the controller wrote before something runs that nobody knows (M2).
+
+    Where the mode itself is not known what the drive keeps may be a target of the gateway before this one.
+    """
     axis = meaning.axis
     check_may_act(meaning)
+    if _is_mode_untold(meaning):
+        _staged_words(meaning)
     number = axis.rules.staged if meaning.number is None else meaning.number
     if number is None:
         return None
@@ -197,6 +202,15 @@ def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
             return None
         raise _not_ours(axis)
     return _restage(axis, as_it_came(axis, number))
+
+
+def _is_mode_untold(meaning: Meaning) -> bool:
+    """Whether nobody knows what the mode register of the target that runs holds."""
+    motion = meaning.axis.plan.motion
+    mode = None if meaning.number is None else motion.mode(meaning.number)
+    if mode is None or mode.address in meaning.words:
+        return False
+    return meaning.axis.rules.word(mode.address) is None
 
 
 def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:

@@ -11,7 +11,7 @@ import tempfile
 from importlib import import_module
 from pathlib import Path
 
-from tests.attacks.legitimate import Attack, tried
+from tests.attacks.legitimate import Attack, ground_of, tried
 
 SECONDS = 4.0
 DOCUMENT = Path(__file__).parents[2] / "docs" / "security.md"
@@ -27,8 +27,8 @@ def attacks() -> list[Attack]:
 
 def row_of(attack: Attack, seconds: float) -> str:
     """Try an attack; return its row."""
-    with tempfile.TemporaryDirectory() as folder:
-        outcome = tried(attack, Path(folder), seconds)
+    with tempfile.TemporaryDirectory() as folder, ground_of(attack, Path(folder)) as ground:
+        outcome = tried(attack, ground, seconds)
     outcome.check()
     calm, meanwhile = outcome.calm.p99_us / 1000, outcome.meanwhile.p99_us / 1000
     return f"| {attack.name} | {outcome.got} | `{attack.event}` | {calm:.2f} ms | {meanwhile:.2f} ms |\n"

@@ -12,9 +12,8 @@ from typing import Any
 from tests.attacks.legitimate import Ground
 from tests.supervisor.http.doors import TOKEN, WRONG, bearer, make_certificates, write_token
 
-__all__ = ["ATTACKER", "READER", "TOKEN", "WRONG", "Answer", "Page", "bearer", "guarded", "page_of"]
+__all__ = ["READER", "TOKEN", "WRONG", "Answer", "Page", "bearer", "guarded", "page_of"]
 
-ATTACKER = "127.0.0.66"
 READER = "reader-0123456789abcdefghijklmnopqrstuv"
 PATIENCE_S = 20.0
 
@@ -51,19 +50,22 @@ def parsed(data: bytes) -> Answer:
 
 
 class Page:
-    """Opens connections to the page, from wherever."""
+    """Opens connections to the page, as the attacker where no other source is named."""
 
     def __init__(self, ground: Ground) -> None:
+        self._attacker = ground.attacker
         self.port = ground.others["http"]
         self._context = ssl.create_default_context(cafile=ground.folder / "ca.crt")
 
-    def plain(self, source: str = ATTACKER) -> socket.socket:
-        return socket.create_connection(("127.0.0.1", self.port), PATIENCE_S, source_address=(source, 0))
+    def plain(self, source: str | None = None) -> socket.socket:
+        return socket.create_connection(
+            ("127.0.0.1", self.port), PATIENCE_S, source_address=(source or self._attacker, 0)
+        )
 
-    def connect(self, source: str = ATTACKER) -> ssl.SSLSocket:
+    def connect(self, source: str | None = None) -> ssl.SSLSocket:
         return self._context.wrap_socket(self.plain(source), server_hostname="127.0.0.1")
 
-    def say(self, data: bytes, source: str = ATTACKER, *, to_the_end: bool = True) -> Answer:
+    def say(self, data: bytes, source: str | None = None, *, to_the_end: bool = True) -> Answer:
         """Say something on a connection of its own; returns the first answer, and what came after it.
 
         Without ``to_the_end`` only its head is waited for.
@@ -79,7 +81,7 @@ class Page:
         return parsed(got)
 
     def ask(
-        self, target: str, *more: str, method: str = "GET", body: str = "", source: str = ATTACKER
+        self, target: str, *more: str, method: str = "GET", body: str = "", source: str | None = None
     ) -> Answer:
         length = [f"Content-Length: {len(body)}"] if method == "POST" else []
         lines = (
@@ -93,7 +95,7 @@ class Page:
         )
         return self.say("\r\n".join(lines).encode("latin-1"), source)
 
-    def log_in(self, token: str, *more: str, source: str = ATTACKER) -> Answer:
+    def log_in(self, token: str, *more: str, source: str | None = None) -> Answer:
         """Show a token as the page does."""
         body = json.dumps({"token": token})
         kind = "Content-Type: application/json"

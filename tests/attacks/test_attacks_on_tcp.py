@@ -12,13 +12,15 @@ from pathlib import Path
 import pytest
 
 from gateway.modbus.mbap import encode_mbap
+from tests.attacks.conftest import Strike
 from tests.attacks.controller import ADDRESS, PATIENCE_S, UNIT_ID
-from tests.attacks.legitimate import Attack, Ground, tried
+from tests.attacks.legitimate import Attack, Ground
 from tests.processes.bench import children
 
-ATTACKER, BYSTANDER = "127.0.0.9", "127.0.0.1"
+BYSTANDER = "127.0.0.1"
 FLOOD = 500
 PIPELINED = 10_000
+PANEL_WAITS_S = 10
 SLOW = 60
 GROWTH_KIB = 4_096
 READ = b"\x03" + ADDRESS.to_bytes(2, "big") + b"\x00\x02"
@@ -27,7 +29,10 @@ ENDLESS = bytes.fromhex("0001 0000 00fe 01 10 0064 0079 f2")
 """The beginning of the longest request there is."""
 
 
-def connected(port: int, host: str = ATTACKER) -> socket.socket:
+def connected(ground: Ground, port: int | None = None, host: str = "") -> socket.socket:
+    """Connect as the attacker, or from another host, to the port of the controller, or to another one."""
+    host = host or ground.attacker
+    port = port or ground.port
     return socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S, source_address=(host, 0))
 
 
@@ -69,9 +74,9 @@ def flood(ground: Ground) -> str:
         connections = []
         for _ in range(FLOOD):
             with contextlib.suppress(ConnectionResetError):
-                connections.append(stack.enter_context(connected(ground.port)))
+                connections.append(stack.enter_context(connected(ground)))
         # Whoever has a host of his own gets in all the same, and is served.
-        bystander = stack.enter_context(connected(ground.port, BYSTANDER))
+        bystander = stack.enter_context(connected(ground, host=BYSTANDER))
         assert asked(bystander, READ)[:2] == b"\x03\x04"
         poll = select.poll()
         for connection in connections:
@@ -85,7 +90,7 @@ def flood(ground: Ground) -> str:
 def half_frames(ground: Ground) -> str:
     began_s = time.monotonic()
     with contextlib.ExitStack() as stack:
-        left = [stack.enter_context(connected(ground.port)) for _ in range(SLOW)]
+        left = [stack.enter_context(connected(ground)) for _ in range(SLOW)]
         for connection in left:
             connection.sendall(ENDLESS)
         while left:
@@ -108,18 +113,19 @@ def pipelining(ground: Ground) -> str:
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     with connection:
         connection.settimeout(30.0)
-        connection.bind((ATTACKER, 0))
+        connection.bind((ground.attacker, 0))
         connection.connect(("127.0.0.1", ground.free("panel")))
         before_kib = resident_kib(relay)
         codes: Counter[int] = Counter()
         requests = b"".join(encode_mbap(n, UNIT_ID, READ) for n in range(PIPELINED))
         connection.sendall(requests)
         grown_kib = resident_kib(relay) - before_kib
-        connection.settimeout(PATIENCE_S)
+        settled_s = time.monotonic() + PANEL_WAITS_S + 3.0
         answered: set[int] = set()
         # What waits for longer than its controller does is withdrawn, and has no reply (W5).
         with contextlib.suppress(TimeoutError):
             while len(answered) < PIPELINED:
+                connection.settimeout(max(0.5, settled_s - time.monotonic()))
                 head = received(connection, 7)
                 reply = received(connection, int.from_bytes(head[4:6], "big") - 1)
                 assert reply[:2] == b"\x03\x04" or reply == b"\x83\x06"
@@ -127,6 +133,7 @@ def pipelining(ground: Ground) -> str:
                 assert number not in answered
                 answered.add(number)
                 codes[reply[0]] += 1
+        connection.settimeout(PATIENCE_S)
         assert asked(connection, READ)[:2] == b"\x03\x04"
     assert grown_kib < GROWTH_KIB, f"{grown_kib} KiB"
     assert codes[0x83] > PIPELINED // 2
@@ -150,7 +157,7 @@ LIES = [
 
 def lying_lengths(ground: Ground) -> str:
     for lie in LIES:
-        with connected(ground.port) as connection:
+        with connected(ground) as connection:
             connection.sendall(bytes.fromhex(lie))
             connection.shutdown(socket.SHUT_WR)
             answer = b""
@@ -163,7 +170,7 @@ def lying_lengths(ground: Ground) -> str:
 
 
 def scan(ground: Ground) -> str:
-    with connected(ground.free("panel")) as connection:
+    with connected(ground, ground.free("panel")) as connection:
         units = Counter(asked(connection, READ, unit_id)[:2] for unit_id in range(256))
         functions = Counter(asked(connection, bytes((f,)) + READ[1:])[:2] for f in range(1, 128) if f != 3)
         addresses = Counter(
@@ -178,7 +185,7 @@ def scan(ground: Ground) -> str:
 
 
 def second_writer(ground: Ground) -> str:
-    with connected(ground.port) as connection:
+    with connected(ground) as connection:
         replies = Counter(asked(connection, WRITE) for _ in range(100))
         assert replies == {b"\x90\x06": 100}
         assert asked(connection, READ)[:2] == b"\x03\x04"
@@ -186,7 +193,7 @@ def second_writer(ground: Ground) -> str:
 
 
 def writing_monitor(ground: Ground) -> str:
-    with connected(ground.free("panel")) as connection:
+    with connected(ground, ground.free("panel")) as connection:
         replies = Counter(asked(connection, WRITE) for _ in range(100))
     assert replies == {b"\x90\x01": 100}
     return "100 × exception 1"
@@ -199,7 +206,7 @@ ATTACKS = [
         "pipelining flood, 10 000 requests of a monitor that reads no replies",
         pipelining,
         "request-refused",
-        with_panel('role = "monitor"', "timeout_ms = 10_000"),
+        with_panel('role = "monitor"', f"timeout_ms = {PANEL_WAITS_S * 1000}"),
     ),
     Attack(
         "oversize and lying lengths",
@@ -224,5 +231,5 @@ ATTACKS = [
 
 
 @pytest.mark.parametrize("attack", ATTACKS, ids=lambda attack: attack.name)
-def test_an_attack_gets_nothing_and_the_controller_notices_nothing(attack: Attack, tmp_path: Path) -> None:
-    tried(attack, tmp_path).check()
+def test_an_attack_gets_nothing_and_the_controller_notices_nothing(attack: Attack, strike: Strike) -> None:
+    strike(attack)

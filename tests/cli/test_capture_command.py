@@ -21,6 +21,7 @@ import pytest
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from tests.child import started
+from tests.commands import typed
 from tests.ports import free_port
 
 ROOT = Path(__file__).parents[2]
@@ -96,18 +97,6 @@ def serve_rtu(device: int) -> None:
             os.write(device, encode_rtu(data[0], reply_to(data[1:-2])))
     except OSError:
         return
-
-
-def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [*COMMAND, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=SECONDS,
-        check=False,
-        cwd=ROOT,
-        stdin=subprocess.DEVNULL,
-    )
 
 
 @dataclass

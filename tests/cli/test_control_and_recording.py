@@ -16,7 +16,9 @@ import pytest
 
 from gateway.modbus.mbap import encode_mbap
 from tests.child import started
+from tests.commands import typed
 from tests.ports import free_port
+from tests.processes.bench import typed_apart
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
@@ -63,18 +65,6 @@ ENTRIES 3
 50.0 0.05 0.05
 100.0 0.1 0.1
 """
-
-
-def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [*COMMAND, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=SECONDS,
-        check=False,
-        cwd=ROOT,
-        stdin=subprocess.DEVNULL,
-    )
 
 
 def acknowledge(drive: socket.socket) -> None:
@@ -187,7 +177,7 @@ def test_a_gateway_is_commanded_while_its_configuration_is_being_edited(config: 
 
 def test_a_second_gateway_on_the_same_folder_is_refused(config: Path) -> None:
     with running("run", config):
-        second = typed("run", str(config))
+        second = typed_apart("run", str(config))
         assert second.returncode == 1
         assert second.stderr.splitlines()[-1].startswith(
             f"{config}: gateway.state: {config.parent}/state/relay.sock belongs to a gateway that runs"
@@ -299,7 +289,7 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes, 
 def test_a_recording_is_never_written_over_another_file(config: Path, tmp_path: Path) -> None:
     path = tmp_path / "precious"
     path.write_text("precious")
-    result = typed("record", str(config), str(path))
+    result = typed_apart("record", str(config), str(path))
     assert result.returncode == 1
     assert result.stderr == f"{path}: exists already; record into a new file, or remove this one\n"
     assert path.read_text() == "precious"
@@ -307,7 +297,7 @@ def test_a_recording_is_never_written_over_another_file(config: Path, tmp_path: 
 
 def test_a_recording_that_cannot_be_made_is_said_before_anything_starts(config: Path, tmp_path: Path) -> None:
     path = tmp_path / "missing" / "record.jsonl"
-    result = typed("record", str(config), str(path))
+    result = typed_apart("record", str(config), str(path))
     assert result.returncode == 1
     assert result.stderr == (
         f"{path}: cannot be written (No such file or directory); name a file in a folder of yours\n"
@@ -317,5 +307,5 @@ def test_a_recording_that_cannot_be_made_is_said_before_anything_starts(config: 
 def test_a_gateway_that_cannot_start_leaves_no_recording(config: Path, tmp_path: Path) -> None:
     path = tmp_path / "record.jsonl"
     with running("run", config):
-        assert typed("record", str(config), str(path)).returncode == 1
+        assert typed_apart("record", str(config), str(path)).returncode == 1
     assert not path.exists()

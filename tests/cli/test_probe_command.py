@@ -3,8 +3,6 @@
 import json
 import os
 import socket
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,9 +12,8 @@ import pytest
 from gateway.ipc.place import SocketPlace
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.serial import open_port
+from tests.commands import typed
 
-ROOT = Path(__file__).parents[2]
-COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()", "probe"]
 CONFIG = """
 [line.xyz]
 drives = {{ {drives} }}
@@ -36,12 +33,6 @@ referenced = "absolute"
 registers.command = [{{ address = 100, type = "int32" }}]
 registers.actual = [{{ address = 110, type = "int32", words = "{words}" }}]
 """
-
-
-def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [*COMMAND, *arguments], capture_output=True, text=True, timeout=30, check=False, cwd=ROOT
-    )
 
 
 def answer(drive: socket.socket, asked: list[bytes], counts: int, looks_at_unit_ids: bool = False) -> None:
@@ -74,7 +65,7 @@ def configured(folder: Path, drives: str, words: str = "high-first") -> Path:
 
 
 def test_a_good_axis_is_shown_and_the_code_is_0(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
-    result = typed(str(configured(tmp_path, drive[0])))
+    result = typed("probe", str(configured(tmp_path, drive[0])))
     assert (result.returncode, result.stderr) == (0, "")
     assert "axis x, unit id 1: answers" in result.stdout
     assert "actual     raw 50000, machine position 50 mm; nominal 50 forward, 50 backward" in result.stdout
@@ -85,14 +76,14 @@ def test_a_good_axis_is_shown_and_the_code_is_0(tmp_path: Path, drive: tuple[str
 
 @pytest.mark.parametrize("drive", [809_042_123], indirect=True)
 def test_large_counts_are_shown_to_the_last_digit(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
-    result = typed(str(configured(tmp_path, drive[0])))
+    result = typed("probe", str(configured(tmp_path, drive[0])))
     assert "actual     raw 809042123, machine position 809042.123 mm; nominal 809042.123" in result.stdout
 
 
 def test_a_drive_that_does_not_look_at_unit_ids_is_told_of(
     tmp_path: Path, drive: tuple[str, list[bytes]]
 ) -> None:
-    result = typed(str(configured(tmp_path, drive[0])))
+    result = typed("probe", str(configured(tmp_path, drive[0])))
     assert result.returncode == 0
     assert "note: the drive answers for unit id 247 too, which it was not given" in result.stdout
     assert [frame.hex() for frame in drive[1]][-1] == "f703006e0002"
@@ -103,7 +94,7 @@ def test_where_unit_ids_are_looked_at_other_units_is_proposed(tmp_path: Path) ->
     with socket.create_server(("127.0.0.1", 0)) as listening:
         threading.Thread(target=answer, args=(listening, asked, 50_000, True), daemon=True).start()
         place = f'tcp = "127.0.0.1:{listening.getsockname()[1]}" }}\nother_units = [247, 246]\n#{{'
-        result = typed(str(configured(tmp_path, place)), "--json")
+        result = typed("probe", str(configured(tmp_path, place)), "--json")
     findings = json.loads(result.stdout)["axes"]["x"]["findings"]
     assert (result.returncode, [finding["weight"] for finding in findings]) == (0, ["note"])
     assert "nobody answers for unit id 245" in findings[0]["text"]
@@ -112,7 +103,7 @@ def test_where_unit_ids_are_looked_at_other_units_is_proposed(tmp_path: Path) ->
 
 
 def test_a_wrong_word_order_ends_with_code_1(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
-    result = typed(str(configured(tmp_path, drive[0], "low-first")), "--axis", "x", "--json")
+    result = typed("probe", str(configured(tmp_path, drive[0], "low-first")), "--axis", "x", "--json")
     assert result.returncode == 1
     report = json.loads(result.stdout)["axes"]["x"]
     assert report["wrong"] is True
@@ -122,7 +113,7 @@ def test_a_wrong_word_order_ends_with_code_1(tmp_path: Path, drive: tuple[str, l
 
 def test_drives_that_cannot_be_reached_are_named(tmp_path: Path, unused_tcp_port: int) -> None:
     config = configured(tmp_path, f'tcp = "127.0.0.1:{unused_tcp_port}"')
-    result = typed(str(config))
+    result = typed("probe", str(config))
     assert result.returncode == 1
     assert result.stderr == (
         f"{config}: line.xyz.drives.tcp: 127.0.0.1:{unused_tcp_port} cannot be reached: Connection refused\n"
@@ -134,7 +125,7 @@ def test_a_serial_port_that_another_program_holds_is_not_taken(tmp_path: Path) -
     device = os.ttyname(terminal)
     port, _ = open_port(SerialEndpoint(device))
     config = configured(tmp_path, f'rtu = "{device}"')
-    result = typed(str(config))
+    result = typed("probe", str(config))
     port.close()
     os.close(controlling)
     os.close(terminal)
@@ -144,7 +135,7 @@ def test_a_serial_port_that_another_program_holds_is_not_taken(tmp_path: Path) -
 
 def test_an_axis_that_is_not_there_is_said(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
     config = configured(tmp_path, drive[0])
-    result = typed(str(config), "--axis", "q")
+    result = typed("probe", str(config), "--axis", "q")
     assert result.returncode == 1
     assert result.stderr == f"{config}: there is no axis q; there are x\n"
     assert drive[1] == []
@@ -172,7 +163,7 @@ def test_beside_its_own_gateway_it_does_not_probe(
                 )
 
         threading.Thread(target=pong, daemon=True).start()
-        result = typed(str(config))
+        result = typed("probe", str(config))
     place.leave()
     assert result.returncode == 1
     assert "its gateway runs and has the drives: stop it first" in result.stderr

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
+from tests.commands import typed
 from tools import pythons
 
 ROOT = Path(__file__).parents[2]
@@ -103,9 +104,7 @@ def test_commands_that_the_forms_name_exist() -> None:
     }
     assert {"table show", "probe", "record", "status"} <= named
     for command in sorted(named):
-        program = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
-        done = subprocess.run([*program, *command.split(), "--help"], capture_output=True, check=False)
-        assert done.returncode == 0, command
+        assert typed(*command.split(), "--help").returncode == 0, command
 
 
 def test_the_citation_names_the_project_as_its_package_does() -> None:

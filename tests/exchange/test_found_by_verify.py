@@ -9,7 +9,16 @@ from dataclasses import replace
 from gateway.drives.motion import Action, ModePlan, MotionPlan
 from gateway.exchange.status import direction_state
 from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, Bench, axis_plan, read, write
-from tests.exchange.staged_bench import COMMANDED, JOG_PDU, MODE, RUN_PDU, STOP_PDU, StagedBench, staged_plan
+from tests.exchange.staged_bench import (
+    COMMANDED,
+    JOG_PDU,
+    MODE,
+    RUN_PDU,
+    RUN_RELATIVE_PDU,
+    STOP_PDU,
+    StagedBench,
+    staged_plan,
+)
 from tests.verify.designs import BY_NAME
 from tests.verify.explore import play, replay
 from tests.verify.screw import WORN
@@ -511,3 +520,78 @@ def test_an_axis_that_was_told_to_stay_and_is_seen_elsewhere_later_has_been_move
     bench.trigger()
     assert bench.drive.moves == [("absolute", 1010), ("stop", 1010), ("absolute", 1010), ("absolute", 990)]
     assert direction_state(bench.line.axes[0]) == "backward"
+
+
+def test_an_axis_that_was_stopped_on_a_way_whose_branch_was_assumed_is_judged_on_the_drives_scale() -> None:
+    """M6: it stands at 1000 (1010), and has not begun to go to -3000 (-3010) when 1000 comes: 990, flagged.
+    Stopped before it goes, it stands where 1000 is forward. It was taken to be at 1020, and 1000 to be
+    backward and certain."""
+    bench = StagedBench(staged_plan(), serial=False)
+    bench.go_to(1000)
+    for target in (-3000, 1000):
+        bench.stage(target)
+        bench.trigger()
+    assert direction_state(bench.line.axes[0]) == "unsure"
+    bench.ask(STOP_PDU)
+    bench.trigger()
+    moves = [("absolute", 1010), ("absolute", -3010), ("absolute", 990), ("stop", 1010), ("absolute", 1010)]
+    assert bench.drive.moves == moves
+    assert direction_state(bench.line.axes[0]) == "forward"
+
+
+def test_a_distance_from_a_way_whose_branch_was_assumed_is_flagged() -> None:
+    """M5, M6: stopped as above, nobody knows whether 1010 is 1000 forward or 1020 backward."""
+    bench = StagedBench(staged_plan(), serial=False)
+    bench.go_to(1000)
+    for target in (-3000, 1000):
+        bench.stage(target)
+        bench.trigger()
+    bench.ask(STOP_PDU)
+    bench.wait(1200)
+    bench.stage(500)
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert direction_state(bench.line.axes[0]) == "unsure"
+
+
+def test_a_repeat_that_was_lost_with_the_link_is_kept_over_a_lost_reference() -> None:
+    """M4: 9007 (9172) is repeated, and the link goes before the answer. The drive was switched off meanwhile:
+    without a reference 9007 was sent as it came, and moved what stood at 9172."""
+    told = (
+        READ,
+        ACK,  # 03 005C 0001 -> 0110: homed
+        ACK,  # 03 0520 0002 -> 0000 0000
+        to(1),
+        ACK,  # 10 0606 0002 04 23D4 0000: 9007 forward
+        to(1),  # 10 0606 0002 04 23D4 0000: the same words, never answered
+        ("unplug",),
+        REBOOT,
+        ("plug",),
+        to(1),
+        WAIT,
+        ACK,  # 03 005C 0001 -> 0010: not homed
+        ACK,  # the same, for the target
+    )
+    world = play(BY_NAME["s-link-homed"], *told)
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 23D4 0000")
+
+
+def test_an_axis_that_was_moved_away_before_a_dry_run_ended_does_not_run_its_old_words() -> None:
+    """M4, M9: staged 9007 stands 1:1 at 9007, where it was seen, and nobody goes to the 9054 that it would
+    be. Somebody jogs it to 3001; the dry run ends, and the next reading says so: no repeat any more."""
+    told = (
+        to(0),
+        ACK,  # 10 0606 0002 04 232F 0000: 9007
+        RUN,
+        ACK,  # 06 050E 0001
+        ARRIVE,
+        READ,
+        ACK,  # 03 0520 0002 -> 232F 0000
+        ("jog", 0),
+        READ,
+        ("end_dry_run",),
+        ACK,  # 03 0520 0002 -> 0BB9 0000: 3001
+        RUN,
+    )
+    world = play(BY_NAME["s-dry-run-staged"], *told)
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 23D4 0000")  # 9172, forward
+    assert not world.is_sending_unsure()

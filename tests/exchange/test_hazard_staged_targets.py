@@ -235,6 +235,25 @@ def test_an_unknown_mode_passes_untouched_and_is_counted(value: int) -> None:
     assert bench.kinds().count("unknown-mode") == 1
 
 
+@pytest.mark.parametrize("before", ["kill", "link"])
+def test_m2_what_the_drive_keeps_is_not_run_in_a_mode_that_it_does_not_tell(before: str) -> None:
+    bench = StagedBench(staged_plan(motion=sticky()))
+    if before == "link":
+        set_mode(bench, 1)
+        bench.stage(0)  # 10 0606 0002 04 0000 0000: written as it came
+        bench.line.link_down(bench.now_ns)
+        bench.line.link_up(bench.now_ns)
+    bench.drive.put(COMMAND, 5_010)  # 5000 as the gateway before this one corrected it
+    bench.send(RUN_PDU)
+    assert bench.link.take() == bytes.fromhex("03 0700 0001")
+    bench.line.reply(1, bytes.fromhex("83 04"), bench.now_ns)
+    assert (bench.port.take(), bench.link.sent) == (bytes.fromhex("86 04"), [])
+    assert bench.kinds()[-1] == "stored-move"
+    set_mode(bench, 1)
+    bench.go_to(5_000)
+    assert bench.drive.moves == [("absolute", 5_010)]
+
+
 def test_p14_a_position_in_a_velocity_frame_is_no_target() -> None:
     bench = StagedBench(staged_plan(motion=sticky(), travel=(10.0, 100.0)))
     set_mode(bench, 3)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.exchange.plan import ControllerPlan, Role
+from gateway.exchange.plan import ControllerPlan, LineTiming, Role
 from gateway.exchange.rights import RegisterSpan, Rights
 from tests.exchange.line_bench import COMMAND, MS, Bench, Port, axis_plan, monitor, write
 from tests.exchange.staged_bench import RUN_PDU, STOP_PDU, StagedBench, staged_plan
@@ -209,6 +209,76 @@ def test_w9_a_monitor_that_writes_is_told_of_once_a_minute() -> None:
     sentence = "hmi may not do this: a request that may write, from a monitor (role)"
     assert details == [sentence, f"{sentence}, 300 times since the last note"]
     assert bench.seen == []
+
+
+@pytest.mark.parametrize(
+    ("rights", "role", "refused", "answer"),
+    [
+        (Rights(), Role.MONITOR, WRITE_POSITION, "9001"),
+        (Rights(), Role.OPERATOR, WRITE_POSITION, "9001"),
+        (Rights(is_read_only=True), Role.MOTION, WRITE_POSITION, "9001"),
+        (SPANS, Role.MOTION, "03 0522 0002", "8302"),
+        (Rights(unit_ids=frozenset({2})), Role.MOTION, None, "830a"),
+        (Rights(requests_per_s=1.0), Role.MOTION, READ_PLACE, "8306"),
+    ],
+)
+def test_w1_what_is_not_allowed_is_refused_behind_the_answers_before_it(
+    rights: Rights, role: Role, refused: str | None, answer: str
+) -> None:
+    bench = Bench(axis_plan(), axis_plan(name="y", unit_id=2))
+    port, seen = panel(rights, role), len(bench.seen)
+    bench.send(bytes.fromhex(READ_PLACE), port, 2, transaction_id=1)
+    bench.send(bytes.fromhex(READ_PLACE), port, 2, transaction_id=2)
+    last = 1 if refused is None else 2
+    bench.send(bytes.fromhex(refused or READ_PLACE), port, last, transaction_id=3)
+    assert port.replies == []
+    assert bench.kinds()[-1] == "request-refused"  # which is told at once
+    bench.serve()
+    assert [(number, pdu.hex()) for number, _, pdu in port.replies] == [
+        (1, "030400000000"),
+        (2, "030400000000"),
+        (3, answer),
+    ]
+    assert bench.seen[seen:] == [bytes.fromhex(READ_PLACE)] * 2
+    assert bench.line.counters.refused_by == {"panel": 1}
+
+
+def test_w1_a_refusal_waits_for_no_gap_that_motion_leaves() -> None:
+    bench = Bench(axis_plan(), timing=LineTiming(monitor_max_wait_ms=500.0))
+    hmi = monitor()
+    asked(bench, bench.port, READ_PLACE)  # motion was there a moment ago
+    bench.send(bytes.fromhex(READ_PLACE), hmi, transaction_id=1)
+    bench.send(bytes.fromhex(WRITE_POSITION), hmi, transaction_id=2)
+    bench.serve()
+    bench.wait(0)
+    assert [(number, pdu.hex()) for number, _, pdu in hmi.replies] == [(1, "030400000000"), (2, "9001")]
+
+
+@pytest.mark.parametrize("end", ["stop", "close", "down"])
+def test_m3_what_a_monitor_may_not_write_blocks_no_axis_while_it_waits_for_its_refusal(end: str) -> None:
+    bench = StagedBench(staged_plan(), serial=False)
+    hmi = monitor()
+    bench.send(bytes.fromhex(READ_PLACE), hmi, transaction_id=1)
+    bench.send(write(COMMAND, 9_000), hmi, transaction_id=2)
+    assert hmi.replies == []
+    if end == "stop":
+        bench.send(STOP_PDU)
+        bench.serve()
+        assert [(number, pdu.hex()[:4]) for number, _, pdu in hmi.replies] == [(1, "0304"), (2, "9001")]
+    elif end == "close":
+        bench.line.controller_gone(hmi, bench.now_ns)
+    else:
+        bench.line.link_down(bench.now_ns)
+    assert "axis-blocked" not in bench.kinds()
+
+
+def test_w9_a_serial_controller_that_may_not_is_told_at_once() -> None:
+    """It has given up on what it asked before: nothing is owed to it."""
+    bench = Bench(axis_plan())
+    port = panel(SPANS, serial=True)
+    bench.send(bytes.fromhex(READ_PLACE), port)
+    bench.send(bytes.fromhex("03 0522 0002"), port)
+    assert port.take() == bytes.fromhex("8302")
 
 
 def test_w9_a_scan_of_every_unit_id_and_function_code_reaches_nothing_and_keeps_little() -> None:

@@ -104,6 +104,68 @@ def test_w11_trials_come_after_retry_ms_then_twice_as_late_up_to_10_s() -> None:
     assert pauses_ms == [2000, 4000, 8000, 10_000]
 
 
+def patient() -> Bench:
+    """The same line, whose controllers wait for 1000 ms; unit id 2 has left three requests unanswered."""
+    bench = line()
+    bench.port = controller("plc", timeout_ms=1000.0)
+    for _ in range(3):
+        bench.send(OTHER, unit_id=2)
+        assert bench.link.take() == OTHER
+        bench.wait(999)
+        assert bench.port.replies == []
+        bench.wait(1)
+        assert bench.port.take() == SILENT
+        bench.wait(50)
+    bench.wait(150)
+    return bench
+
+
+def test_w11_a_read_that_is_a_trial_costs_the_others_response_timeout_ms_and_no_more() -> None:
+    bench, panel = patient(), controller("panel", timeout_ms=1000.0)
+    bench.send(OTHER, unit_id=2)
+    assert bench.link.take() == OTHER
+    bench.send(write(COMMAND, 5000), panel, unit_id=1)
+    bench.wait(99)
+    assert (bench.link.sent, bench.port.replies) == ([], [])
+    bench.wait(1)
+    assert bench.link.take() == write(COMMAND, 5000)
+    assert bench.port.take() == SILENT
+
+
+def test_w11_an_answer_to_a_trial_that_comes_after_it_is_nobodys_and_ends_the_back_off() -> None:
+    bench, panel = patient(), controller("panel", timeout_ms=1000.0)
+    bench.send(OTHER, unit_id=2)
+    bench.link.take()
+    bench.wait(100)
+    bench.port.take()
+    bench.send(OTHER, panel, unit_id=1)
+    assert bench.link.sent.pop() == (1, OTHER)
+    bench.line.stray(bench.now_ns, unit_id=2)
+    assert panel.replies == []
+    assert bench.kinds()[-1] == "drive-answers"
+    bench.line.reply(1, bytes.fromhex("03 02 0007"), bench.now_ns)
+    assert panel.take() == bytes.fromhex("03 02 0007")
+    bench.send(OTHER, unit_id=2)
+    assert bench.link.sent == []  # the silence of a unit that was late
+    bench.wait(50)
+    assert bench.link.take() == OTHER
+    bench.wait(999)  # and no trial any more
+    assert bench.port.replies == []
+    bench.line.reply(2, ANSWER, bench.now_ns)
+    assert bench.port.take() == ANSWER
+
+
+@pytest.mark.parametrize("pdu", ["06 0700 0001", "17 0700 0001 0700 0001 02 0001", "65 00"])
+def test_w11_a_trial_that_may_write_is_waited_for_as_long_as_its_controller_waits(pdu: str) -> None:
+    bench = patient()
+    bench.send(bytes.fromhex(pdu), unit_id=2)
+    assert bench.link.take() == bytes.fromhex(pdu)
+    bench.wait(999)
+    assert bench.port.replies == []
+    bench.line.reply(2, bytes.fromhex(pdu), bench.now_ns)
+    assert bench.port.take() == bytes.fromhex(pdu)
+
+
 def test_w11_while_a_trial_is_on_the_wire_the_others_are_answered() -> None:
     bench, panel = line(), controller("panel")
     leave_unanswered(bench, 3)

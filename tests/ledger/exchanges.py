@@ -68,6 +68,11 @@ class Request:
         """It is for a unit id that no drive was given, on a line whose drive does not look at them."""
         self.restaged = 0
 
+    @property
+    def may_leave(self) -> bool:
+        """Whether the role of its controller allows it; what it does not waits for its refusal alone (W9)."""
+        return self.controller.is_motion or self.is_stop or self.parsed.is_read
+
 
 class Sample(NamedTuple):
     """The axis when the drive took a frame."""

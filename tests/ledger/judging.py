@@ -48,6 +48,7 @@ class Judge:
         frame.written = belief.written()
         frame.intent = self._intent(request, frame)
         if frame.intent is not None:
+            self.witness.decides()
             now_ns = self.witness.now_ns
             frame.intent = frame.intent._replace(sent=(now_ns, self.witness.drive.motor.at(now_ns)))
         frame.is_interruption = self._trigger(request) in ("stop", "jog")
@@ -167,6 +168,7 @@ class Judge:
         if corrected is None or frame.parsed.function != 16 or not self.layout.is_staged or not triggers:
             self._violation("invented-write", frame.pdu.hex(" "))
             return
+        self.witness.decides()
         frame.written = belief.written()
         trigger = triggers[0]
         trigger.restaged += 1

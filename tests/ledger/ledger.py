@@ -19,9 +19,9 @@ truly did and when. It takes nothing from the exchange. What it demands (numbers
   measured. A distance counts from the nominal place of its base (M5) and may round by one count. The same
   target again is the same words (M4).
 - *Either branch* is accepted, and counted as ``ambiguous``, where the drive stands between what both
-  branches make of the target, or passed it between the reading that the gateway asked for and the command
-  (at most 250 ms), or while a slow drive did not take it; and counted as ``unsure`` where the gateway asked
-  for the position and was not told. Both must stay a small share.
+  branches make of the target, or passed it between the reading that the gateway asked for, or that came as it
+  decided, and the command (at most 250 ms), or while a slow drive did not take it; and counted as ``unsure``
+  where the gateway asked for the position and was not told. Both must stay a small share.
 - *Readings.* A settled axis whose run was acknowledged reads exactly what was commanded. All others read
   between what the branches make of them, widened by the difference that the present motion may still be
   fading out. An acknowledged target reads back as it was written. All other words are those of the drive.
@@ -288,7 +288,8 @@ class Ledger:
                 if request.is_stop:
                     found.append(request)
                 elif is_first and not self._is_too_old(request):
-                    found.append(request)
+                    if request.may_leave:
+                        found.append(request)
                     is_first = False
         found.sort(key=lambda request: request.arrived_ns)
         return [request for request in found if request.unit == unit]

@@ -78,8 +78,10 @@ class Witness:
         """Counts by which a reading may lie beside the branches: what was read where a move began is kept,
         and faded out on its way. The table itself comes into force with the first move.
         """
+        self._told: tuple[int, int] | None = None
+        """Instant and count of the last position."""
         self._sample: tuple[int, int] | None = None
-        """Instant and count of the last position, if the gateway asked for it."""
+        """The same, if the gateway asked for it, or decided by it as it came."""
         self._continuity = Continuity()
         self._begun_faded = self.faded
         """The same when the present motion began."""
@@ -328,11 +330,17 @@ class Witness:
 
         What it was told in passing it may use only while the axis cannot have passed the target meanwhile.
         """
-        self._sample = (self._clock.now_ns, corrected) if is_for_a_move else None
+        self._told = self._clock.now_ns, corrected
+        self._sample = self._told if is_for_a_move else None
         self.seen_ns = self._clock.now_ns
         if not self.drive.motor.is_moving(self.now_ns):
             self._left = 0.0
         self.reading_failed = False
+
+    def decides(self) -> None:
+        """Note that a branch is decided now: what came just now is as good as what was asked for."""
+        if self._told is not None and self._told[0] == self._clock.now_ns:
+            self._sample = self._told
 
     def check_reading(self, corrected: int, read: dict[int, int], *, is_standing: bool, faded: float) -> None:
         """Judge what the controller was told of a position.

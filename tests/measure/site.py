@@ -23,11 +23,12 @@ from gateway.simulator.mechanics import Encoder, Mechanics
 from gateway.simulator.motion import Dynamics
 from gateway.simulator.screw import PeriodicError, Screw
 from gateway.simulator.server import RegisterServer
+from tests.commands import typed
 from tests.ports import free_port
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
-SECONDS = 60.0
+SECONDS = 120.0
 COUNTS_PER_MM = 10_000.0
 WORN = Screw(
     length_mm=100.0,
@@ -150,7 +151,7 @@ async def gateway(
     ``measure`` asks the relay alone, which starts in half the time.
     """
     if not has_supervisor:
-        await run_command("check", "--compile", str(machine.config))
+        assert typed("check", "--compile", str(machine.config)).returncode == 0
     command = [*COMMAND, "run" if has_supervisor else "relay", str(machine.config), "--log-format", "json"]
     process = await asyncio.create_subprocess_exec(*command, cwd=ROOT, stderr=asyncio.subprocess.PIPE)
     try:

@@ -1,23 +1,38 @@
 """What is refused before anything moves, with the reason and what to do."""
 
 import asyncio
+import contextlib
 from pathlib import Path
 
 import pytest
 
 from gateway.modbus.mbap import encode_mbap
+from tests.commands import typed
 from tests.measure.site import Machine, gateway, measuring, run_command, supervisor_answers
 
 FEW = ("--from", "0", "--to", "10", "--step", "10", "--runs", "1", "--dwell", "0", "--json")
 
 
 async def _refused(machine: Machine, *arguments: str) -> str:
-    """Run it; nothing may be commanded. Returns what it says."""
+    """Run it in this process; nothing may be commanded. Returns what it says.
+
+    In a thread, which cannot listen to signals: for what is refused before it would.
+    """
     before = machine.commanded()
-    async with measuring(machine, *arguments) as typed:
-        assert await typed.end() == 1
+    with contextlib.chdir(machine.folder):
+        done = await asyncio.to_thread(typed, "measure", str(machine.config), "--axis", "x", *arguments)
+    assert done.returncode == 1
     assert machine.commanded() == before
-    return typed.stderr
+    return done.stderr
+
+
+async def _refused_apart(machine: Machine, *arguments: str) -> str:
+    """As :func:`_refused`, in a process of its own, which listens to signals before it refuses."""
+    before = machine.commanded()
+    async with measuring(machine, *arguments) as process:
+        assert await process.end() == 1
+    assert machine.commanded() == before
+    return process.stderr
 
 
 def _leaves_no_file(machine: Machine) -> bool:
@@ -55,7 +70,10 @@ REFUSED = [
 
 async def test_options_that_do_not_fit_are_refused(machine: Machine) -> None:
     async with gateway(machine):
-        said = await asyncio.gather(*(_refused(machine, *arguments) for arguments, _ in REFUSED))
+        said = [
+            await (_refused_apart if {"--csv", "--gauge"} & {*arguments} else _refused)(machine, *arguments)
+            for arguments, _ in REFUSED
+        ]
     for (arguments, told), stderr in zip(REFUSED, said, strict=True):
         assert told in stderr, arguments
     assert _leaves_no_file(machine)
@@ -98,7 +116,7 @@ async def test_a_file_to_go_on_with_stays_where_nothing_could_be_read(machine: M
     text = "# axis: x\n# compensation: off\n# targets: 0.0 10.0\n# runs: 1\n# overrun: 1.0\n"
     begun.write_text(text + "target_mm,direction,run,measured_mm\n")
     async with gateway(machine):
-        said = await _refused(machine, "--resume", str(begun), "--csv", "none.txt", "--yes")
+        said = await _refused_apart(machine, "--resume", str(begun), "--csv", "none.txt", "--yes")
     assert "none.txt: No such file" in said
     assert begun.read_text().startswith(text)
 
@@ -141,12 +159,12 @@ async def test_an_axis_that_somebody_else_moves_is_left_to_him(machine: Machine)
                 await reader.readexactly(12)
 
         moving = asyncio.create_task(keep_moving())
-        async with measuring(machine, *FEW, "--yes") as typed:
-            assert await typed.end() == 1
+        async with measuring(machine, *FEW, "--yes") as moving_too:
+            assert await moving_too.end() == 1
         stopping.set()
         await moving
         writer.close()
-    assert "axis x is moved by cnc (127.0.0.1): stop that program first" in typed.stderr
+    assert "axis x is moved by cnc (127.0.0.1): stop that program first" in moving_too.stderr
     assert set(machine.commanded()) == {0.0}
 
 
@@ -172,7 +190,7 @@ async def test_a_command_that_is_refused_leaves_an_axis_that_stands_and_nobody_i
     machine.controller += "\nfunction_codes = [3]"
     machine.configure('compensation = "off"\n')
     async with gateway(machine):
-        told = await _refused(machine, *FEW, "--yes", "--csv", "laser.txt")
+        told = await _refused_apart(machine, *FEW, "--yes", "--csv", "laser.txt")
     assert "the target -1: refused with exception 1 (illegal function)" in told
     assert "axis x stands at 0 mm; its stop was refused" in told
     assert _leaves_no_file(machine)

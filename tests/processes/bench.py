@@ -58,7 +58,8 @@ ENTRIES 3
 STEEPER = TABLE.replace("0.1 0.1", "0.2 0.2").replace("0.05 0.05", "0.1 0.1")
 
 
-def typed(*arguments: str) -> "subprocess.CompletedProcess[str]":
+def typed_apart(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    """Type a command that becomes another program or logs, which ``tests.commands.typed`` cannot."""
     return subprocess.run(
         [*COMMAND, *arguments], capture_output=True, text=True, timeout=SECONDS, check=False, cwd=ROOT
     )

@@ -3,11 +3,10 @@
 import signal
 from typing import Any
 
-import pytest
-
 from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
-from tests.processes.bench import Site, gateway_of, typed
+from tests.commands import typed
+from tests.processes.bench import Site, gateway_of
 
 
 def axis_status(site: Site) -> dict[str, Any]:
@@ -75,29 +74,29 @@ def test_a_limit_that_the_table_breaks_changes_nothing(site: Site) -> None:
         assert gateway.end() == 0
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("counts_per_unit = 1000.0", "counts_per_unit = 2000.0", "axis.x.counts_per_unit"),
-        ("unit_id = 1", "unit_id = 2", "axis.x.unit_id"),
-        ("[axis.x]", "[relay]\nlock_memory = true\n[axis.x]", "relay.lock_memory"),
-    ],
-)
-def test_what_needs_a_restart_is_named_and_nothing_changes(site: Site, old: str, new: str, said: str) -> None:
+def test_what_needs_a_restart_is_named_and_nothing_changes(site: Site) -> None:
     text = site.config.read_text()
-    assert old in text
     with gateway_of(site) as (gateway, master):
-        site.config.write_text(
-            text.replace(old, new).replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5')
-        )
-        refused = typed("reload", str(site.config))
-        assert refused.returncode == 1
-        assert refused.stderr == (
-            f"{site.config}: changed since the gateway was started: {said}; restart the gateway to take it "
-            "over\n"
-        )
-        assert master.move(50_000) == 50_050
-        assert axis_status(site)["gain"] == {"forward": 1.0, "backward": 1.0}
+        for number, (old, new, said) in enumerate(
+            (
+                ("counts_per_unit = 1000.0", "counts_per_unit = 2000.0", "axis.x.counts_per_unit"),
+                ("unit_id = 1", "unit_id = 2", "axis.x.unit_id"),
+                ("[axis.x]", "[relay]\nlock_memory = true\n[axis.x]", "relay.lock_memory"),
+            )
+        ):
+            assert old in text
+            site.config.write_text(
+                text.replace(old, new).replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5')
+            )
+            refused = typed("reload", str(site.config))
+            assert refused.returncode == 1
+            assert refused.stderr == (
+                f"{site.config}: changed since the gateway was started: {said}; restart the gateway to take "
+                "it over\n"
+            )
+            target = 50_000 + 1000 * number
+            assert master.move(target) == target + target // 1000
+            assert axis_status(site)["gain"] == {"forward": 1.0, "backward": 1.0}
         assert gateway.end() == 0
 
 

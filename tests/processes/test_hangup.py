@@ -8,17 +8,8 @@ import time
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
 from tests.child import started
-from tests.processes.bench import (
-    COMMAND,
-    ROOT,
-    SECONDS,
-    STEEPER,
-    Site,
-    children,
-    gateway_of,
-    running,
-    typed,
-)
+from tests.commands import typed
+from tests.processes.bench import COMMAND, ROOT, SECONDS, STEEPER, Site, children, gateway_of, running
 
 
 def test_a_relay_goes_on_with_its_exchange_after_a_hangup_and_says_so_once(site: Site) -> None:

@@ -6,7 +6,8 @@ import subprocess
 import sys
 
 from tests.child import started
-from tests.processes.bench import ROOT, SECONDS, Running, Site, typed
+from tests.commands import typed
+from tests.processes.bench import ROOT, SECONDS, Running, Site
 
 
 def test_a_supervisor_whose_thread_hangs_ends_when_it_is_told_to(site: Site) -> None:

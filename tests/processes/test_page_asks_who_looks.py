@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from tests.browser import started_browser
-from tests.processes.bench import typed
+from tests.commands import typed
 from tests.processes.mill import Mill
 from tests.supervisor.http.doors import make_certificates
 

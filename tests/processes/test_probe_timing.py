@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.bench import typed
+from tests.commands import typed
 from tests.processes.sick_line import Health, SickLine
 
 

@@ -2,12 +2,8 @@
 
 import json
 
-from tests.processes.bench import (
-    STEEPER,
-    Site,
-    gateway_of,
-    typed,
-)
+from tests.commands import typed
+from tests.processes.bench import STEEPER, Site, gateway_of
 
 NOTHING = "nothing has changed\n"
 """Also where the supervisor, which watches the files, has been quicker than the command."""

@@ -5,15 +5,8 @@ import signal
 
 import pytest
 
-from tests.processes.bench import (
-    SECONDS,
-    Site,
-    children,
-    gateway_of,
-    is_alive,
-    typed,
-    wait_until_dead,
-)
+from tests.commands import typed
+from tests.processes.bench import SECONDS, Site, children, gateway_of, is_alive, wait_until_dead
 
 
 def test_a_supervisor_that_is_killed_costs_no_exchange_and_is_started_again(site: Site) -> None:

@@ -18,6 +18,7 @@ from gateway.ipc.client import ask
 from gateway.ipc.log_thread import CAPACITY
 from gateway.ipc.messages import GetStatus, Status
 from tests.child import started
+from tests.commands import typed
 from tests.processes.bench import (
     COMMAND,
     ROOT,
@@ -27,7 +28,6 @@ from tests.processes.bench import (
     children,
     is_alive,
     site_in,
-    typed,
     wait_until_dead,
 )
 
@@ -58,7 +58,7 @@ class Unread:
 
     def __init__(self, process: "subprocess.Popen[bytes]", log_fd: int) -> None:
         self.process = process
-        self.log = os.fdopen(log_fd, "rb", buffering=0)
+        self.log = os.fdopen(log_fd, "rb")
         self.lines: list[bytes] = []
 
     def until(self, name: str) -> None:

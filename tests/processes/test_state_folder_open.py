@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.bench import running, site_in, typed
+from tests.commands import typed
+from tests.processes.bench import running, site_in
 
 
 @pytest.mark.parametrize("mode", [0o700, 0o777])

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from gateway import __version__
-from tests.processes.bench import SECONDS, Site, gateway_of, typed
+from tests.commands import typed
+from tests.processes.bench import SECONDS, Site, gateway_of
 
 
 def until(config: str, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:

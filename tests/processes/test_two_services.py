@@ -7,6 +7,7 @@ import time
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
 from gateway.ipc.supervisor_client import ask_supervisor
+from tests.commands import typed
 from tests.processes.bench import (
     SECONDS,
     STEEPER,
@@ -16,13 +17,13 @@ from tests.processes.bench import (
     children,
     gateway_of,
     running,
-    typed,
+    typed_apart,
 )
 
 
 def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
     config = str(site.config)
-    nothing = typed("relay", config)
+    nothing = typed_apart("relay", config)
     assert nothing.returncode == 1
     assert nothing.stderr == (
         f"{config}: it has not been compiled yet: there is no {site.config.parent}/state/plan.msgpack; "
@@ -37,7 +38,7 @@ def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
         assert children(relay.process) == {}
         assert relay.end() == 0
     site.config.write_text(site.config.read_text() + "# a remark\n")
-    changed = typed("relay", config)
+    changed = typed_apart("relay", config)
     assert changed.returncode == 1
     assert changed.stderr == (
         f"{config}: {config} has changed since it was compiled; run: pitch-gateway check --compile {config}\n"
@@ -150,6 +151,7 @@ def test_a_configuration_that_was_compiled_for_the_next_start_outlives_a_table_t
     with running("supervise", config) as supervisor:
         with running("relay", config) as relay:
             supervisor.until("relay-reached")
+            assert typed("reload", config).stdout == "nothing has changed\n"  # it has read it by now
             site.config.write_text(site.config.read_text().replace("unit_id = 1", "unit_id = 2"))
             assert typed("check", "--compile", config).returncode == 0
             site.table.write_text(STEEPER)
@@ -211,12 +213,12 @@ def test_a_second_supervisor_on_the_same_folder_is_refused(site: Site) -> None:
     )
     with running("supervise", config) as supervisor:
         supervisor.until("supervising")
-        second = typed("supervise", config)
+        second = typed_apart("supervise", config)
         assert (second.returncode, second.stderr) == (1, refusal)
         supervisor.process.kill()  # the lock goes with its process, whatever way that ends
         supervisor.rest()
     with gateway_of(site) as (gateway, master):
-        beside_run = typed("supervise", config)
+        beside_run = typed_apart("supervise", config)
         assert (beside_run.returncode, beside_run.stderr) == (1, refusal)
         assert master.move(50_000) == 50_050
         assert gateway.end() == 0

@@ -2,29 +2,26 @@
 
 import json
 import os
-from collections.abc import Callable
-from pathlib import Path
 
-import pytest
-
-from tests.processes.bench import STEEPER, TABLE, Running, Site, gateway_of, running, typed
+from tests.commands import typed
+from tests.processes.bench import STEEPER, TABLE, Running, Site, gateway_of, running, typed_apart
 from tests.processes.saving import STYLES, in_place
 
 BAD = TABLE.replace("50.0 0.05 0.05", "50.0 0.05")
 BAD_LINE = 7
 
 
-@pytest.mark.parametrize("save", STYLES, ids=lambda save: str(save.__name__))
-def test_a_save_comes_into_force_by_itself(site: Site, save: Callable[[Path, str], None]) -> None:
+def test_a_save_of_whatever_style_comes_into_force_by_itself(site: Site) -> None:
     with gateway_of(site) as (gateway, master):
         assert master.move(50_000) == 50_050
-        save(site.table, STEEPER)
-        assert gateway.until("table-handed-over")["axis"] == "x"
-        assert master.move(50_000) == 50_050  # the same target again moves nothing
-        assert master.move(50_001) == 50_101
-        save(site.table, TABLE)
-        gateway.until("table-handed-over")
-        assert master.move(50_000) == 50_050
+        for save in STYLES:
+            save(site.table, STEEPER)
+            assert gateway.until("table-handed-over")["axis"] == "x"
+            assert master.move(50_000) == 50_050  # the same target again moves nothing
+            assert master.move(50_001) == 50_101
+            save(site.table, TABLE)
+            gateway.until("table-handed-over")
+            assert master.move(50_000) == 50_050
         assert gateway.end() == 0
 
 
@@ -46,23 +43,22 @@ def test_a_bad_file_changes_nothing_is_told_once_and_is_good_again_when_it_is_me
     assert [note["event"] for note in gateway.notes].count("table-rejected") == 1
 
 
-@pytest.mark.parametrize("backup", ["x.bak", "X.BAK", None])
-def test_a_file_that_goes_takes_the_correction_with_it_and_brings_it_back(
-    site: Site, backup: str | None
-) -> None:
+def test_a_file_that_goes_takes_the_correction_with_it_and_brings_it_back(site: Site) -> None:
     with gateway_of(site) as (gateway, master):
         assert master.move(50_000) == 50_050
-        if backup is None:
-            site.table.unlink()
-        else:
-            site.table.rename(site.table.with_name(backup))
-        gone = gateway.until("table-taken-away")
-        assert (gone["axis"], gone["comes"]) == ("x", "next-target")
-        assert master.move(50_000) == 50_050  # by itself nothing moves
-        assert master.move(50_001) == 50_001
-        site.table.write_text(TABLE)
-        assert gateway.until("table-handed-over")["axis"] == "x"
-        assert master.move(50_000) == 50_050
+        for backup in ("x.bak", "X.BAK", None):
+            if backup is None:
+                site.table.unlink()
+            else:
+                put_away = site.table.rename(site.table.with_name(backup))
+            gone = gateway.until("table-taken-away")
+            assert (gone["axis"], gone["comes"]) == ("x", "next-target")
+            assert master.move(50_000) == 50_050  # by itself nothing moves
+            assert master.move(50_001) == 50_001
+            site.table.write_text(TABLE)
+            assert gateway.until("table-handed-over")["axis"] == "x"
+            assert master.move(50_000) == 50_050
+            put_away.unlink(missing_ok=True)
         assert gateway.end() == 0
 
 
@@ -149,7 +145,7 @@ def test_with_a_bad_file_the_gateway_starts_from_the_last_good_one_and_says_so(s
 
 def test_without_a_last_good_one_a_bad_file_starts_nothing(site: Site) -> None:
     site.table.write_text(BAD)
-    done = typed("run", str(site.config))
+    done = typed_apart("run", str(site.config))
     assert done.returncode == 1
     assert f"{site.table}:{BAD_LINE}" in done.stderr
 

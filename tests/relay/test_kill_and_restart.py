@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import os
 import shutil
 import signal
 import socket
@@ -16,16 +15,15 @@ from typing import Any
 
 import pytest
 
-from gateway.ipc.client import ask
-from gateway.ipc.messages import Ping, Pong
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import PositionField, RegisterType
 from tests.child import started
+from tests.commands import typed
 from tests.exchange.line_bench import Memory, read, write
 from tests.ports import free_port
 
 ROOT = Path(__file__).parents[2]
-RUN = [sys.executable, "-c", "from gateway.cli.main import main; main()", "run"]
+RELAY = [sys.executable, "-c", "from gateway.cli.main import main; main()", "relay"]
 COMMAND = PositionField(100, RegisterType.INT32)
 ACTUAL = PositionField(110, RegisterType.INT32)
 SECONDS = 20.0
@@ -122,7 +120,6 @@ class Machine:
         self._stack = contextlib.ExitStack()
         self._notes: list[dict[str, Any]] = []
         self._process: subprocess.Popen[str] | None = None
-        self._relay = 0
         self._connection: socket.socket | None = None
         self.configure()
 
@@ -136,21 +133,20 @@ class Machine:
         (self.folder / "gateway.toml").write_text(config)
 
     def run(self) -> None:
-        command = [*RUN, str(self.folder / "gateway.toml"), "--log-format", "json"]
+        config = str(self.folder / "gateway.toml")
+        assert typed("check", "--compile", config).returncode == 0
+        command = [*RELAY, config, "--log-format", "json"]
         process = started(command, stderr=subprocess.PIPE, text=True, cwd=ROOT)
         self._process = self._stack.enter_context(process)
         self._notes.clear()
         self.note("line-up")
-        pong = ask(self.folder / "state" / "relay.sock", Ping())
-        assert isinstance(pong, Pong)
-        self._relay = pong.pid
         self._connection = socket.create_connection(("127.0.0.1", self._port), timeout=SECONDS)
 
     def kill(self) -> None:
         assert self._process is not None
         assert self._connection is not None
-        os.kill(self._relay, signal.SIGKILL)  # not `run`, which would let it end in order
-        assert self._process.wait(SECONDS) == 1
+        self._process.kill()
+        assert self._process.wait(SECONDS) == -signal.SIGKILL
         self._connection.close()
 
     def close(self) -> None:

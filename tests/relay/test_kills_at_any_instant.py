@@ -25,6 +25,7 @@ from gateway.ipc.client import ask
 from gateway.ipc.messages import SetReference
 from gateway.modbus.mbap import encode_mbap
 from tests.child import started
+from tests.commands import typed
 from tests.exchange.line_bench import stream_plan, write
 from tests.exchange.test_kills_in_a_stream import Follower, Line, setpoints
 from tests.ports import free_port
@@ -128,8 +129,7 @@ class Machine:
         values: dict[str, Any] = {"settable": "", "more": ""} | MORE[referenced]
         text = CONFIG.format(drives=drive.port, port=self.port, referenced=referenced, **values)
         self.config.write_text(text)
-        compiling = [*PROGRAM, "check", "--compile", str(self.config)]
-        subprocess.run(compiling, cwd=ROOT, check=True, capture_output=True)
+        assert typed("check", "--compile", str(self.config)).returncode == 0
         self.must_be_told = referenced in ("homing", "set-position")
         self.process: subprocess.Popen[Any] | None = None
         self._stack = contextlib.ExitStack()

@@ -16,7 +16,7 @@ from gateway.relay.gateway import Relay
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay
 from gateway.transport.endpoints import TcpEndpoint
-from tests.processes.bench import typed
+from tests.commands import typed
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools

@@ -1,12 +1,15 @@
 """A report as a file: whole or not at all, and the same bytes everywhere."""
 
 import errno
+import functools
 import hashlib
+import json
 import os
 import stat
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,6 +21,12 @@ from tests.report.stories import report, story
 ROOT = Path(__file__).parents[2]
 
 
+@functools.cache
+def rendered(suffix: str) -> bytes:
+    """The report that most tests here write, drawn once."""
+    return render(report(), suffix)
+
+
 def names_in(folder: Path) -> list[str]:
     return [path.name for path in folder.iterdir()]
 
@@ -26,7 +35,7 @@ def names_in(folder: Path) -> list[str]:
 def test_the_suffix_decides(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"report{suffix}"
     write_report(report(), path)
-    assert path.read_bytes() == render(report(), suffix.lower())
+    assert path.read_bytes() == rendered(suffix.lower())
     assert names_in(tmp_path) == [path.name]
 
 
@@ -47,7 +56,7 @@ def test_an_existing_file_is_replaced_only_by_force_and_keeps_its_mode(tmp_path:
     link = tmp_path / "link.svg"
     link.symlink_to(path)
     write_report(report(), link, force=True)
-    assert path.read_bytes() == render(report(), ".svg")
+    assert path.read_bytes() == rendered(".svg")
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert link.is_symlink()
 
@@ -121,13 +130,18 @@ def test_more_axes_than_a_picture_can_show_are_for_a_page() -> None:
         render(many, ".png")
 
 
-def test_the_same_report_is_the_same_bytes_whoever_makes_it(tmp_path: Path) -> None:
-    (tmp_path / "matplotlibrc").write_text("font.size: 30\naxes.facecolor: red\nsvg.fonttype: none\n")
+@pytest.fixture(scope="module")
+def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What another process makes of the report: its sums by suffix, and whether it thought of a window."""
+    folder = tmp_path_factory.mktemp("settings")
+    (folder / "matplotlibrc").write_text("font.size: 30\naxes.facecolor: red\nsvg.fonttype: none\n")
     code = (
-        "import hashlib; from tests.report.stories import report; from gateway.report.writing import render\n"
-        "print([hashlib.sha256(render(report(), s)).hexdigest() for s in ('.html', '.png', '.svg')])\n"
+        "import hashlib, json, sys\n"
+        "from tests.report.stories import report; from gateway.report.writing import render\n"
+        "sums = {s: hashlib.sha256(render(report(), s)).hexdigest() for s in ('.html', '.png', '.svg')}\n"
+        "print(json.dumps({'sums': sums, 'pyplot': 'matplotlib.pyplot' in sys.modules}))\n"
     )
-    environment = {**os.environ, "PYTHONHASHSEED": "7", "MATPLOTLIBRC": str(tmp_path), "TZ": "Asia/Tokyo"}
+    environment = {**os.environ, "PYTHONHASHSEED": "7", "MATPLOTLIBRC": str(folder), "TZ": "Asia/Tokyo"}
     said = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True,
@@ -137,8 +151,13 @@ def test_the_same_report_is_the_same_bytes_whoever_makes_it(tmp_path: Path) -> N
         env=environment,
         timeout=60,
     ).stdout
-    here = [hashlib.sha256(render(report(), s)).hexdigest() for s in (".html", ".png", ".svg")]
-    assert said.strip() == str(here)
+    found: dict[str, Any] = json.loads(said)
+    return found
+
+
+def test_the_same_report_is_the_same_bytes_whoever_makes_it(elsewhere: dict[str, Any]) -> None:
+    here = {suffix: hashlib.sha256(rendered(suffix)).hexdigest() for suffix in (".html", ".png", ".svg")}
+    assert elsewhere["sums"] == here
 
 
 def test_matplotlib_is_not_touched_before_something_is_drawn() -> None:
@@ -160,13 +179,5 @@ def test_the_settings_of_others_are_left_as_they_were() -> None:
     assert dict(mpl.rcParams) == before
 
 
-def test_no_window_is_ever_thought_of() -> None:
-    code = (
-        "import sys; from tests.report.stories import report; from gateway.report.writing import render\n"
-        "[render(report(), suffix) for suffix in ('.html', '.png', '.svg')]\n"
-        "print('matplotlib.pyplot' in sys.modules)\n"
-    )
-    said = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT, timeout=60
-    ).stdout
-    assert said == "False\n"
+def test_no_window_is_ever_thought_of(elsewhere: dict[str, Any]) -> None:
+    assert elsewhere["pyplot"] is False

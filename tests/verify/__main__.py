@@ -22,9 +22,9 @@ EXAMPLES = """examples:
   python -m tests.verify staged --depth 9 --random 0   all traces of up to nine events, nothing else
   python -m tests.verify --list                        what there is
 """
-SECONDS = 4.0
+SECONDS = 2.5
 """Of each large world: with what follows, all of it takes less than 30 minutes on two cores."""
-CLOSING_SECONDS = 8.0
+CLOSING_SECONDS = 6.0
 """Of each world that closes on a quiet machine, given the time."""
 RANDOM_STEPS = 10_000_000
 JOBS = 2

@@ -7,7 +7,7 @@ from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, Re
 from tests.exchange.line_bench import axis_plan
 from tests.exchange.staged_bench import BITS, COMMANDED, STAGED
 from tests.verify import designs_frames, designs_mutants
-from tests.verify.designs_rules import ask
+from tests.verify.designs_rules import SETTLE, ask
 from tests.verify.designs_rules import designs as designs_of_rules
 from tests.verify.screw import WORN
 from tests.verify.world import (
@@ -503,6 +503,12 @@ CLOSING: Final = (
         _staged(compensation=CompensationMode.SHADOW),
         menu=("to", "run", "stop", "read", "status"),
         happenings=(*TIME, "jog", "end_dry_run"),
+        ways=(
+            (
+                *(*ask("to", 0), *ask("run"), ("arrive", 0), *ask("read"), ("jog", 0)),
+                *(("ask", 0, "read", 0), ("end_dry_run",), SETTLE, *ask("run")),
+            ),
+        ),
     ),
     _small(
         "s-table-switch",

@@ -28,9 +28,6 @@ SETTLE: Final = ("settle",)
 MOST_STEPS: Final = 200
 RANDOM_STEPS: Final = 60
 """Of one random walk, before the next one begins."""
-COMPARE_EVERY: Final = 4
-"""Random steps from one look at what the fast and the slow path have left behind to the next: it takes longer
-than a step. Their bytes are compared with each step, and what they leave in each state that is walked."""
 
 
 @dataclass
@@ -207,7 +204,6 @@ class Walk:
                 trace = []
             event = random.choice(world.happenings())
             trace.append(event)
-            world.compares_states = not step % COMPARE_EVERY
             outcome.random_steps += 1
             try:
                 world.happen(event)
@@ -216,7 +212,6 @@ class Walk:
                     break
                 world.restore(first, is_live_known=False)
                 trace = []
-        world.compares_states = True
         outcome.broken[known:] = [shortened(world.design, each) for each in outcome.broken[known:]]
         outcome.seconds += time.perf_counter() - began
         self._sum_up()

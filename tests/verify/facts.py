@@ -461,16 +461,23 @@ def _target_ended(world: "World", number: int, wire: "Wire", code: int, *, is_na
 # --- what has to be said ------------------------------------------------------------------------------
 
 
-def judge(world: "World", before: "tuple[Said, ...]", told: list[Event], *, is_restart: bool) -> None:
+def judge(
+    world: "World",
+    before: "tuple[Said, ...]",
+    after: "tuple[Said, ...]",
+    told: list[Event],
+    *,
+    is_restart: bool,
+) -> None:
     """Hold what is said against what is known (8) and against what was told (9). Raises BrokenRuleError."""
     for number, plan in enumerate(world.design.plans):
-        said = world.said(number)
+        said = after[number]
         _judge_reference(world, number, said)
         is_off = said.compensation in ("off", "shadow")
         if "remap" not in world.design.menu and is_off is world.state.is_wanted:
             raise BrokenRuleError(f"it is said: {said.compensation}, whatever was switched (8)")
         _judge_block(world, number, said)
-        rules.judge_direction(world, number)
+        rules.judge_direction(world, number, said)
         if not is_restart:
             _judge_events(world, plan.name, before[number], said, told)
             _judge_told_reference(world, number, said, told)

@@ -8,6 +8,7 @@ import pytest
 
 from gateway.compiled import is_compiled
 from gateway.exchange.events import EventKind
+from tests.soak import IS_FULL
 from tests.verify import snapshot
 from tests.verify import world as world_module
 from tests.verify.designs import BY_NAME, CLOSING, DESIGNS, PAIRS
@@ -20,7 +21,11 @@ from tests.verify.world import Design, Happening, World
 
 ACK = ("drive", "ack")
 TO_0, TO_1 = ("ask", 0, "to", 0, 0), ("ask", 0, "to", 0, 1)
-TINY = replace(BY_NAME["small"], name="tiny", targets=(9007,), answers=("ack",))
+TINY = replace(BY_NAME["s-both"], name="tiny", checks_way_back=True)
+SMALL = ("s-two-units", "s-starts", "s-scaled-halves", "b-rtu", "b-rtu-pairs")
+"""Each closes in seconds."""
+LARGER = ("s-down", "s-carry", "s-stored", "s-killed-within", "b-requests", "s-warm", "b-rtu-late-size")
+"""Each closes in a quarter of a minute: ``make soak``, as ``make verify`` does with all that close."""
 
 
 PLAIN = pytest.mark.skipif(
@@ -45,21 +50,17 @@ def test_a_tiny_world_closes_and_has_a_way_back_from_everywhere() -> None:
 
 
 @pytest.mark.parametrize(
-    "design",
-    each_of(
-        *(
-            BY_NAME[name]
-            for name in [
-                *("s-down", "s-carry", "s-stored", "s-killed-within", "s-two-units", "b-requests"),
-                "s-starts",
-                *("s-scaled-halves", "s-both", "s-warm", "b-rtu", "b-rtu-late-size", "b-rtu-pairs"),
-            ]
-        )
-    ),
+    "design", each_of(*(BY_NAME[name] for name in (*SMALL, *(LARGER if IS_FULL else ()))))
 )
 def test_a_small_world_closes_and_breaks_no_rule(design: Design) -> None:
     outcome = Walk(design).breadth_first()
     assert outcome.is_closed
+    assert not outcome.broken, outcome.broken[0]
+
+
+@pytest.mark.parametrize("design", each_of(*(BY_NAME[name] for name in LARGER)))
+def test_no_rule_is_broken_far_into_a_larger_world(design: Design) -> None:
+    outcome = Walk(design).breadth_first(depth=10)
     assert not outcome.broken, outcome.broken[0]
 
 

@@ -528,8 +528,8 @@ class World:
         """Exceptions since then that were the gateway's own."""
         self.before: tuple[Said, ...] = ()
         """What was said of each axis then."""
-        self.compares_states = True
-        """Whether what both paths leave behind is compared where nothing is on its way (7)."""
+        self._said: tuple[Said, ...] = ()
+        """The same as the last event has left it; empty: that is not known."""
         ways: list[dict[str, int]] = [{}, {"remembered_paths": 0}] if design.is_twin else [{}]
         self.sides = [
             self.side_of(each, self._tell if i == 0 else _tell_nobody) for i, each in enumerate(ways)
@@ -560,7 +560,7 @@ class World:
 
     def restore(self, kept: Kept, *, is_live_known: bool = True) -> None:
         """Put a state back. ``is_live_known``: nothing has happened since another was kept or put back."""
-        self.state, self.now_ns = kept.state, kept.now_ns
+        self.state, self.now_ns, self._said = kept.state, kept.now_ns, ()
         for side, snapshot in zip(self.sides, kept.lines, strict=True):
             side.lens.restore(snapshot, is_live_known=is_live_known)
         if kept.records:
@@ -718,7 +718,8 @@ class World:
 
     def happen(self, event: Happening) -> None:
         """Let an event happen. Raises BrokenRuleError."""
-        before = self.before = said(self.sides[0].line)
+        before = self.before = self._said or said(self.sides[0].line)
+        self._said = ()
         self.told.clear()
         self.refusals.clear()
         refused_before = refused(self.sides[0].line)
@@ -726,7 +727,9 @@ class World:
         rules.judge_waiting(self)
         if not event[0].startswith("kill"):
             rules.judge_refusals(self, refused(self.sides[0].line) - refused_before)
-        facts.judge(self, before, self.told, is_restart=event[0].startswith("kill"))
+        after = said(self.sides[0].line)
+        facts.judge(self, before, after, self.told, is_restart=event[0].startswith("kill"))
+        self._said = after
 
     def _call(self, name: str, *args: Any) -> None:
         for side in self.sides:
@@ -1312,7 +1315,7 @@ class World:
             facts.left(self, wire)
         if not frames and answered is not None:
             self.state = self.state._replace(is_starting=False, owed_stops=0, given_up=())
-        if self.compares_states and len(self.sides) > 1 and self.is_quiet:
+        if len(self.sides) > 1 and self.is_quiet:
             self._compare_states()
 
     def _give_reply_up(self) -> None:

@@ -9,7 +9,7 @@ LINE: Final[Texts] = {
         more="See below",
     ),
     "response_timeout_ms": Said(
-        more="The gateway never gives up before its controllers would",
+        more="The gateway never gives up before its controllers would, but for trials (`retry_ms`)",
     ),
     "drain_ms": Said(
         meaning=(
@@ -26,8 +26,9 @@ LINE: Final[Texts] = {
             "requests to a unit id that left three in a row unanswered, and to its group, are answered "
             "with 0x0B at once, on RTU too. After `retry_ms`, then after twice as long each time up to 10 "
             "s, the next one is sent as a trial, behind a read where it might move something; any frame "
-            "of the drive ends that. The same stop to a silent drive goes once in `retry_ms` at most. "
-            "`0`: it is always asked, and the others wait for each time-out"
+            "of the drive ends that. A read that is a trial is waited for `response_timeout_ms`, and so "
+            "long it costs the others of the line. The same stop to a silent drive goes once in "
+            "`retry_ms` at most. `0`: it is always asked, and the others wait for each time-out"
         ),
     ),
     "turnaround_ms": Said(

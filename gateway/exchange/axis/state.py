@@ -456,6 +456,16 @@ class AxisState:
         return is_assumed and self.has_branches and not self.compensation.is_passing
 
     @property
+    def knows_branch(self) -> bool:
+        """Whether a position of the drive can be turned back on a branch that was not merely assumed.
+
+        A target that was reached on an assumed branch is where the controller takes the axis to be; a place
+        short of it, where the axis was stopped, is not.
+        """
+        is_assumed = self.whereabouts is Whereabouts.STOPPED and self.compensation.is_unsure
+        return self.whereabouts in ON_BRANCH and not is_assumed
+
+    @property
     def is_distance_unproven(self) -> bool:
         """Whether a distance was sent of which nobody knows if it ran: its axis is at one of two places."""
         return self.unproven is not None and self.unproven.is_distance

@@ -471,6 +471,8 @@ class Axis(AxisState):
         self.is_dry_run = False
         self._choose_correction()
         self.compensation.end_dry_run()
+        if self.plan.actual:
+            self._happens(Happening.THERE)  # else it could not end; so whoever is seen away has been moved
         if self.is_referenced:
             self.compensation.want(self.wanted)
 
@@ -713,7 +715,7 @@ class Axis(AxisState):
         Of a repeat it holds the same words in either case.
         """
         is_repeat = rendering.move is None and not rendering.is_distance
-        if is_repeat and (self.compensation.accepted is not None or self.whereabouts is Whereabouts.RETAINED):
+        if is_repeat and (self.compensation.accepted is not None or self.whereabouts in _RETAINING):
             return
         image = self.fields[rendering.number]
         if image.corrected_words == rendering.corrected_words:

@@ -1,7 +1,7 @@
 // @ts-check
 // What is wrong and what to do, or that all is well; and that the page itself hears nothing.
 
-import { byId, keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
+import { byId, keepChildren, make, setAttribute, setSentence, setSign, setText, show, sign } from "./dom.js";
 import { span, timeOfDay } from "./figures.js";
 import { capital } from "./words.js";
 
@@ -101,7 +101,7 @@ export class Banner {
     if (fresh.length) {
       const isError = fresh.some((trouble) => trouble.severity === "error");
       const words = fresh.slice(0, AT_FIRST).map((trouble) => `${capital(trouble.where)}: ${trouble.what}. ${trouble.remedy}.`);
-      setText(isError ? this.sayAlert : this.sayStatus, words.join(" "));
+      setText(isError ? this.sayAlert : this.sayStatus, words.join(" ").replaceAll("`", ""));
     } else if (now.size === 0 && before?.size) {
       setText(this.sayAlert, "");
       setText(this.sayStatus, allWell);
@@ -132,9 +132,9 @@ class TroubleItem {
     setSign(this.sign, isError ? "error" : "warning");
     setText(this.kind, isError ? "Error: " : "Warning: ");
     setText(this.where, capital(trouble.where));
-    setText(this.what, trouble.what);
+    setSentence(this.what, trouble.what);
     setText(this.since, trouble.since ? `since ${timeOfDay(trouble.since)}` : "");
-    setText(this.remedy, capital(trouble.remedy));
+    setSentence(this.remedy, capital(trouble.remedy));
   }
 }
 

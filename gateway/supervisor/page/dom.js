@@ -73,6 +73,20 @@ export function setText(element, text) {
 }
 
 /**
+ * Show a sentence in which keys and values stand between backticks.
+ * @param {Element} element
+ * @param {string} text
+ */
+export function setSentence(element, text) {
+  const parts = text.split("`");
+  if (parts.length % 2 === 0) {
+    setText(element, text); // one that is left open is none
+  } else if (element.textContent !== parts.join("")) {
+    element.replaceChildren(...parts.map((part, number) => (number % 2 ? make("code", { text: part }) : part)));
+  }
+}
+
+/**
  * @param {Element} element
  * @param {string} name
  * @param {string} value

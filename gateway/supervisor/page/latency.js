@@ -1,7 +1,7 @@
 // @ts-check
 // What the gateway itself takes: one axis or line as a histogram, all of them as figures beside their budget.
 
-import { byId, keepChildren, make, setAttribute, setText, show, sign } from "./dom.js";
+import { byId, keepChildren, make, setAttribute, setSentence, setText, show, sign } from "./dom.js";
 import { NOT_KNOWN, count, time } from "./figures.js";
 import { Histogram } from "./histogram.js";
 import { capital } from "./words.js";
@@ -65,7 +65,8 @@ export class Latency {
     const words = notes.map(({ where, what, remedy }) => `${where}: ${what}. ${remedy}`);
     if (this.notes.dataset.key !== words.join("\n")) {
       this.notes.dataset.key = words.join("\n");
-      this.notes.replaceChildren(...words.map((text) => make("li", { text: capital(text) })));
+      this.notes.replaceChildren(...words.map(() => make("li")));
+      words.forEach((text, number) => setSentence(this.notes.children[number], capital(text)));
     }
     show(this.notes, words.length > 0);
     show(this.choice, all.length > 1);

@@ -21,7 +21,8 @@ from gateway.ipc.notes import Note
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
 from gateway.supervisor.supervisor import Supervisor
 from tests.child import started
-from tests.processes.bench import COMMAND, ROOT, STEEPER, TABLE, Site, running, site_in, typed
+from tests.commands import typed
+from tests.processes.bench import COMMAND, ROOT, STEEPER, TABLE, Site, running, site_in, typed_apart
 from tests.supervisor.http.exposition import samples
 from tests.supervisor.http.http_bench import Served, until
 
@@ -83,7 +84,7 @@ def _line(served: Served) -> str:
 
 
 async def said(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    return await asyncio.to_thread(typed, *arguments)
+    return await asyncio.to_thread(typed_apart, *arguments)
 
 
 async def test_what_a_real_relay_does_is_served(site: Site) -> None:

@@ -224,6 +224,16 @@ def test_lengths_are_shown_as_their_units_deserve(
     visit.until_text(DIGITS, digits)
 
 
+def test_keys_in_what_to_do_are_shown_as_code_and_said_as_words(visit: Visit) -> None:
+    remedy = "name the device in `other_units`, or mend the `unit_id`"
+    visit.stage.show(model(None, None, trouble(what="nobody answers at 7` or 8", remedy=remedy)))
+    visit.until_text("#troubles .remedy", "Name the device in other_units, or mend the unit_id")
+    assert visit.page.locator("#troubles .remedy code").all_text_contents() == ["other_units", "unit_id"]
+    assert visit.page.locator("#troubles .what").text_content() == "nobody answers at 7` or 8"
+    said = "Axis x: nobody answers at 7 or 8. name the device in other_units, or mend the unit_id."
+    assert visit.page.get_by_role("alert").text_content() == said
+
+
 def test_a_rejected_table_brings_a_banner_and_mending_it_takes_the_banner_away(visit: Visit) -> None:
     visit.until_text("#well", "All is well: 1 line up, 1 axis.")
     problem = {
