@@ -17,7 +17,7 @@ from gateway.compensation.moves import Accepted, Move, Place, PlaceKind
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.drives.motion import Action
-from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, Actual, Rendering, Retained, Whereabouts
+from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, Rendering, Retained, Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.request import Known, Standing
@@ -298,8 +298,10 @@ def _measured(axis: Axis, actual: Actual) -> Place:
     """Turn a measured position back where its branch is known; else leave it on the drive's scale."""
     if axis.is_dry_run:
         return Place(actual.counts, PlaceKind.MEASURED)
-    if not axis.knows_branch:
+    if axis.whereabouts not in ON_BRANCH:
         return Place(actual.counts, PlaceKind.ON_DRIVE)
+    if not axis.knows_branch:
+        return Place(actual.counts, PlaceKind.ON_WAY)
     # Nobody knows where it set out: a reading that still fades from there is no position, nor at its target.
     fades = axis.compensation.readback.fade is not None
     if axis.whereabouts is Whereabouts.UNDER_WAY and (fades or not axis.is_at_target(actual.counts)):

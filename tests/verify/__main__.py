@@ -1,8 +1,9 @@
 """``python -m tests.verify [WORLD ...]``: walks the small worlds, two at a time (make verify).
 
 A world is walked breadth first until nothing is new, to ``--depth``, or for ``--seconds``; ``--random`` steps
-are shared out among those that did not close. Ends with 1 where a rule was broken, and prints the shortest
-trace as a test; a run of all worlds also where it did not meet what it should have (``sometimes``).
+are shared out among those that did not close, by how fast each is. Ends with 1 where a rule was broken, and
+prints the shortest trace as a test; a run of all worlds also where it did not meet what it should have
+(``sometimes``).
 """
 
 import argparse
@@ -97,14 +98,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
             outcome = outcomes[each.result().world] = each.result()
             if outcome.is_closed or outcome.broken or not asked.random:
                 _tell(outcome)
-        rest = [name for name in names if not (outcomes[name].is_closed or outcomes[name].broken)]
-        steps = asked.random // len(rest) if rest else 0
-        waiting = [pool.submit(wandered, name, steps, asked.broken) for name in rest if steps]
+        rest = [outcomes[name] for name in names]
+        rest = [each for each in rest if not (each.is_closed or each.broken)]
+        shares = shared_out(asked.random, [each.rate for each in rest])
+        waiting = [
+            pool.submit(wandered, each.world, steps, asked.broken)
+            for each, steps in zip(rest, shares, strict=True)
+            if steps
+        ]
         for each in as_completed(waiting):
             outcome = outcomes[each.result().world]
             outcome.add(each.result())
             _tell(outcome)
     return _sum_up(list(outcomes.values()), is_whole=not (asked.worlds or asked.depth))
+
+
+def shared_out(steps: int, rates: Sequence[float]) -> list[int]:
+    """Share random steps out among worlds that take so many a second: each walks for about as long."""
+    total = sum(rates)
+    return [round(steps * rate / total) for rate in rates]
 
 
 def _tell(outcome: Outcome) -> None:

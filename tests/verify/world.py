@@ -966,6 +966,8 @@ class World:
             tried = Tried(run.nominal_counts, run.end_counts, run.table, run.state, run.is_gain_half)
         held_counts, facts = axis.target_counts, axis.facts
         is_held = run is not None and run.is_held and run.end_counts == held_counts
+        # After another target that was lost it is a different one: nobody knows which of both it holds.
+        is_held &= run is None or axis.tried is None or axis.tried.nominal_counts == run.nominal_counts
         held = tried if is_held and self.design.judges_proof else axis.held
         self._set(
             number, Axis(target_counts=held_counts, is_homed=False, tried=tried, facts=facts, held=held)
