@@ -78,6 +78,11 @@ class RtuDecoder:
         """When ``on_silence`` wants to be called; every byte puts it off. None: nothing waits."""
         self.counters = RtuCounters()
 
+    @property
+    def is_between_frames(self) -> bool:
+        """Whether no bytes wait: the next one begins a frame."""
+        return not self._buffer
+
     def on_silence(self, now_ns: int) -> list[Frame]:
         """Return the frames that silence ended. Too early a call changes nothing (some timers fire early)."""
         if self.deadline_ns is None or now_ns < self.deadline_ns:
