@@ -261,16 +261,6 @@ def _cutting(plan: LinePlan, line: LineBudget) -> Iterator[Judgement]:
             "cut_through = false",
         )
         return
-    if not line.drives.is_serial or not any(each.wire.is_serial for each in line.controllers):
-        side = "a controller" if line.drives.is_serial else "the drives"
-        yield Judgement(
-            Grade.CLOSE,
-            key,
-            f"cut_through = true, but {side} would have to be on a serial port of this machine (rtu): "
-            "nothing is cut through",
-            "take it out",
-        )
-        return
     cuts = [exchange.cut for each in line.controllers for exchange in each.exchanges]
     if not any(cut.saves_ns for cut in cuts if cut is not None):
         yield Judgement(

@@ -76,6 +76,7 @@ def line_plan(
         ),
         other_units=_other_units(line, {axis.unit_id for axis in axes.values()}),
         answers_as=line.answers_as,
+        cut_through=line.cut_through,
         tape_bytes=sections.capture.tape_bytes,
         groups=tuple(group.axes for group in sections.groups.values() if set(group.axes) <= set(axes)),
     )

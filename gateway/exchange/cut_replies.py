@@ -27,6 +27,8 @@ from gateway.exchange.leads import (
 from gateway.exchange.transaction import Transaction
 
 REMEMBERED_REPLIES: Final = 256
+STORED_FOR: Final = 256
+"""So many replies of a shape are stored after one of them was spoilt: its controller had to ask again."""
 ACKNOWLEDGEMENT: Final = acknowledgement_shape()
 
 
@@ -56,7 +58,7 @@ class Replies:
         margin_ns: see ``MeasuredLead``.
     """
 
-    __slots__ = ("_in_ns", "_leads", "_margin_ns", "_out_ns", "_passed")
+    __slots__ = ("_in_ns", "_leads", "_margin_ns", "_out_ns", "_passed", "_stored")
 
     def __init__(self, in_ns: int, out_ns: int, margin_ns: int = MARGIN_NS) -> None:
         self._in_ns = in_ns
@@ -64,6 +66,8 @@ class Replies:
         self._margin_ns = margin_ns
         self._passed: dict[tuple[int, bytes], bytes] = {}
         self._leads: dict[Shape, MeasuredLead] = {}
+        self._stored: dict[Shape, int] = {}
+        """How many more of a shape are stored."""
 
     def note(self, transaction: Transaction, passed: bytes) -> None:
         """Remember what a read was answered: the PDU as its controller got it."""
@@ -78,12 +82,19 @@ class Replies:
         if lead is None:
             lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
         lead.note(pieces)
+        left = self._stored.pop(shape, 0) - 1
+        if left > 0:
+            self._stored[shape] = left
+
+    def rest(self, shape: Shape) -> None:
+        """One of a shape was spoilt: the next ones are stored."""
+        self._stored[shape] = STORED_FOR
 
     def opening(self, transaction: Transaction) -> Opening | None:
         """Return what the reply to what is on the wire is expected to be; None: it is stored."""
         shape = reply_shape_of(transaction)
         lead = None if shape is None else self._leads.get(shape)
-        if shape is None or lead is None or lead.lead_ns is None:
+        if shape is None or lead is None or lead.lead_ns is None or shape in self._stored:
             return None
         path = transaction.path
         if isinstance(path, WritePath):
@@ -103,7 +114,7 @@ class ReplyJudge(Judge):
         may_lead: whether the controller waits for it still, and its wire is free.
     """
 
-    __slots__ = ("_may_lead", "_replies", "_transaction", "_turned")
+    __slots__ = ("_may_lead", "_replies", "_transaction", "_turned", "turned")
 
     def __init__(self, transaction: Transaction, replies: Replies, may_lead: Callable[[], bool]) -> None:
         self._transaction = transaction
@@ -111,6 +122,8 @@ class ReplyJudge(Judge):
         self._may_lead = may_lead
         self._turned = 0
         """Positions that were turned back."""
+        self.turned: bytes | None = None
+        """What the whole reply says to its controller, as soon as all of it was taken note of."""
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """See ``Judge``."""
@@ -138,4 +151,5 @@ class ReplyJudge(Judge):
         """
         path = self._transaction.path
         assert path is not None
-        return path.answered(self._transaction, frame[1:], now_ns) == sent[1:]
+        self.turned = path.answered(self._transaction, frame[1:], now_ns)
+        return self.turned == sent[1:]

@@ -9,6 +9,7 @@ position (FC16) to drives whose map has no modes, triggers or stops. So a stop, 
 and whatever the slow path has to look at never begin like something that is expected.
 """
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
@@ -36,6 +37,11 @@ REGISTER_READS: Final = frozenset({FunctionCode.READ_HOLDING_REGISTERS, Function
 REMEMBERED_BEGINNINGS: Final = 256
 """A controller uses a few; of one that uses more all are forgotten now and then."""
 READ: Final = read_shape()
+WEIGHED: Final = 64
+"""So many of the last requests that began to leave are weighed: what was gained against what was lost."""
+WEIGHED_AT_LEAST: Final = 8
+STORED_FOR: Final = 256
+"""So many requests are stored where it was a loss, before it is tried again."""
 
 
 class Expected(NamedTuple):
@@ -83,7 +89,7 @@ class Heads:
         margin_ns: see ``MeasuredLead``.
     """
 
-    __slots__ = ("_expected", "_in_ns", "_leads", "_margin_ns", "_out_ns")
+    __slots__ = ("_expected", "_gains", "_in_ns", "_leads", "_margin_ns", "_out_ns", "_stored")
 
     def __init__(self, in_ns: int, out_ns: int, margin_ns: int = MARGIN_NS) -> None:
         self._margin_ns = margin_ns
@@ -92,6 +98,10 @@ class Heads:
         self._expected: dict[bytes, Expected | None] = {}
         """None: of what begins so nobody knows how it goes on."""
         self._leads: dict[Shape, MeasuredLead] = {}
+        self._gains: dict[bytes, deque[int]] = {}
+        """Of the last requests that began so: how much sooner each was through, less than 0: later."""
+        self._stored: dict[bytes, int] = {}
+        """How many more are stored of those that began so: it did not pay."""
 
     def note(self, path: FastPath | None, frame: bytes, sent: bytes) -> None:
         """Remember a request that was acknowledged, as it came and as it left, both without check sum.
@@ -104,7 +114,11 @@ class Heads:
         is_new = beginning not in self._expected
         if is_new and len(self._expected) >= REMEMBERED_BEGINNINGS:
             self._expected.clear()
+            self._gains.clear()
+            self._stored.clear()
         before = None if is_new else self._expected[beginning]
+        if shape is None and before is not None and before.shape is READ:
+            return  # one read that goes the slow path; how often is weighed
         head = sent[: REGISTERS_HEAD if shape is READ else BLOCK_HEAD]
         is_alike = is_new or (before is not None and (shape is READ or before.sent[:BLOCK_HEAD] == head))
         is_expected = shape is not None and is_alike and is_fit_head(head)
@@ -117,10 +131,32 @@ class Heads:
             lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
         lead.note(pieces)
 
+    def came(self, frame: bytes) -> None:
+        """A request came whole, whatever became of it."""
+        beginning = beginning_of(frame)
+        left = self._stored.pop(beginning, 0) - 1
+        if left > 0:
+            self._stored[beginning] = left
+
+    def pay(self, frame: bytes, gain_ns: int) -> None:
+        """A request that began to leave was through so much sooner than stored; less than 0: later.
+
+        Where it is a loss all in all, the next ones are stored.
+        """
+        beginning = beginning_of(frame)
+        gains = self._gains.get(beginning)
+        if gains is None:
+            gains = self._gains[beginning] = deque(maxlen=WEIGHED)
+        gains.append(gain_ns)
+        if len(gains) >= WEIGHED_AT_LEAST and sum(gains) < 0:
+            self._stored[beginning] = STORED_FOR
+            gains.clear()
+
     def opening(self, begun: bytes) -> Opening | None:
         """Return what a request is expected to be that begins so; None: it is stored."""
-        expected = self._expected.get(beginning_of(begun))
-        if expected is None:
+        beginning = beginning_of(begun)
+        expected = self._expected.get(beginning)
+        if expected is None or beginning in self._stored:
             return None
         lead = self._leads.get(expected.shape)
         if lead is None or lead.lead_ns is None:

@@ -91,6 +91,8 @@ class Turn(Enum):
     """A stop came."""
     ANEW = "anew"
     """Whoever sends it began another one."""
+    MET = "met"
+    """Bytes came on the wire on which it leaves: on a bus of two wires they have met."""
     GONE = "gone"
     """The port on which it comes was lost."""
     LOST = "lost"
@@ -107,6 +109,7 @@ def _spoils(kept: Cut) -> dict[Turn, Cut]:
         Turn.STALLED,
         Turn.OVERTAKEN,
         Turn.ANEW,
+        Turn.MET,
         Turn.GONE,
     )
     return dict.fromkeys(reasons, kept)
@@ -163,7 +166,8 @@ class Judge:
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """Return what a frame is expected to be that begins so; None: it may not leave, as far as is known.
 
-        Asked anew with each piece that comes, until it is answered or the frame is whole.
+        Asked anew with each piece that comes and when its lead is over, until its first byte leaves or it is
+        whole.
         """
         raise NotImplementedError
 
@@ -245,8 +249,11 @@ class CutThrough:
         "_out",
         "_pace",
         "_rendered",
+        "_told",
         "arrival",
         "began_ns",
+        "empty_ns",
+        "gap_ns",
         "left",
         "pieces",
         "state",
@@ -265,6 +272,10 @@ class CutThrough:
         """What has left."""
         self.began_ns = 0
         """When its first byte left; 0: none has."""
+        self.empty_ns = 0
+        """When the transmitter has sent all that has left."""
+        self.gap_ns = 0
+        """The longest time for which it was empty inside of the frame, as far as its speed says."""
         self.pieces: list[Piece] = []
         """How it came."""
         self._judge = judge
@@ -275,6 +286,8 @@ class CutThrough:
         """What may leave in the place of what came, as far as that is known."""
         self._rendered = 0
         """Positions that were judged."""
+        self._told = 0
+        """Those of them that were told of."""
         self._last_came_ns = 0
 
     @property
@@ -288,9 +301,10 @@ class CutThrough:
         return not CUT_AFTER[self.state]
 
     @property
-    def empty_ns(self) -> int:
-        """When the transmitter has sent all that has left."""
-        return self.began_ns + len(self.left) * self._pace.out_ns
+    def expected(self) -> bytes:
+        """What it was expected to be, without its check sum; of one that is on its way."""
+        assert self._opening is not None
+        return self._opening.filler
 
     @property
     def deadline_ns(self) -> int | None:
@@ -310,7 +324,7 @@ class CutThrough:
         has_more = self._take(data, now_ns) < len(data)
         if self.is_over:
             return due
-        if has_more:
+        if has_more and self.is_on_the_way:
             return due + self.end(Turn.ANEW, now_ns)
         return due + self._leave(now_ns)
 
@@ -346,9 +360,9 @@ class CutThrough:
 
     def _leave(self, now_ns: int) -> bytes:
         """Go as far as its bytes allow; return those that leave."""
-        known = self.arrival.known
         if self.state is Cut.BEGUN and not self._opens(now_ns):
             return b""
+        known = self.arrival.known
         if self.state is Cut.LED and known is not Known.BEGUN:
             if not self._is_expected():
                 return self.end(Turn.UNFIT, now_ns)
@@ -358,6 +372,7 @@ class CutThrough:
                 return self.end(Turn.UNFIT, now_ns)
             if not self._judge_positions(now_ns):
                 return self.end(Turn.REFUSED, now_ns)
+            self._tell_judged()
             if known is Known.BAD:
                 return self.end(Turn.BAD, now_ns)
             if known is Known.GOOD:
@@ -369,9 +384,14 @@ class CutThrough:
         if self.arrival.is_over:
             self._go_on(Turn.KEPT)
             return False
-        if self._opening is None:
-            self._opening = self._judge.opening(self.arrival.data, now_ns)
+        # Each time anew: what it was expected to be before its lead was over may be another thing now.
+        self._opening = self._judge.opening(self.arrival.data, now_ns)
         if self._opening is None or now_ns < self._opens_ns or not self._piece():
+            return False
+        # What is known by now to be another one, or to be refused, need not be spoilt: nothing has left.
+        is_head_known = self.arrival.known is not Known.BEGUN
+        if is_head_known and not (self._is_expected() and self._judge_positions(now_ns)):
+            self._go_on(Turn.KEPT)
             return False
         self._go_on(Turn.OPENED)
         return True
@@ -394,8 +414,12 @@ class CutThrough:
                 return False
             self._out += come[len(self._out) : gate.first] + words
             self._rendered += 1
-            self._go_on(Turn.JUDGED)
         return True
+
+    def _tell_judged(self) -> None:
+        while self._told < self._rendered:
+            self._told += 1
+            self._go_on(Turn.JUDGED)
 
     def _piece(self) -> bytes:
         """Return what may leave now of a frame of which not all has come."""
@@ -422,6 +446,10 @@ class CutThrough:
     def _write(self, data: bytes, now_ns: int) -> bytes:
         if data and not self.left:
             self.began_ns = now_ns
+        elif data:
+            self.gap_ns = max(self.gap_ns, now_ns - self.empty_ns)
+        if data:
+            self.empty_ns = max(self.empty_ns, now_ns) + len(data) * self._pace.out_ns
         self.left += data
         return data
 

@@ -34,6 +34,8 @@ from gateway.exchange.translate import note_discrete, outcome_of, reply_without_
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
 
+NEVER_NS: Final = 1 << 62
+"""Deadline of what has to be waited for by somebody else."""
 LOST: Final = ExceptionCode.SERVER_DEVICE_FAILURE
 NO_RESPONSE: Final = ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
 
@@ -182,7 +184,8 @@ class Transaction:
     excused_ns = 0
     """How much of that no deadline counts: a look at where the axis stands."""
     is_orphan = False
-    """Its controller has gone or gone on: the reply is taken note of and then dropped."""
+    """Its controller has gone or gone on, or has heard a reply while that still arrived (``cut_line``): what
+    comes is taken note of and then dropped."""
     is_denied = False
     """There was no room for it: it is refused when the answers before it have been given."""
     overtaken_by = ""
@@ -316,8 +319,16 @@ class Transaction:
         self.readbacks = readbacks
 
     def lead(self) -> None:
-        """The first bytes of its own frame leave, while it still arrives."""
+        """The first bytes of its own frame leave, while it still arrives. It has a deadline elsewhere."""
         self._go_on(_LEAVING)
+        self.sent_ns = self.arrived_ns
+        self.deadline_ns = NEVER_NS
+
+    def arrive(self, pdu: bytes, arrived_ns: int) -> None:
+        """All of it has come while it was leaving: this is what it says."""
+        assert self.phase is _LEAVING
+        self.pdu, self.arrived_ns = pdu, arrived_ns
+        self.frames = None
 
     def leave(self, now_ns: int, unit_id: int, patience_ns: int) -> None:
         """A frame leaves for it now: its own, which does so once, or one that it needs first.

@@ -13,8 +13,6 @@ Frame = tuple[int, bytes]
 SILENCE_CHARACTERS: Final = 3.5
 FAST_ABOVE_BAUD: Final = 19200
 FAST_SILENCE_NS: Final = 1_750_000
-PAUSE_CHARACTERS: Final = 1.5
-FAST_PAUSE_NS: Final = 750_000
 USB_PAUSE_NS: Final = 30_000_000
 """USB adapters hand bytes over up to 16 ms apart, in the middle of a frame too: two of their pauses."""
 
@@ -34,19 +32,16 @@ def silence_ns(baudrate: int, bits_per_character: int = 11) -> int:
     return round(SILENCE_CHARACTERS * bits_per_character * NS_PER_S / baudrate)
 
 
-def pause_ns(baudrate: int, bits_per_character: int = 11) -> int:
-    """Return the longest pause inside a frame in ns: 1.5 characters, a fixed 750 µs above 19200 Bd.
+def pause_ns(silence: int) -> int:
+    """Return the longest pause inside a frame, from the silence between two, both in ns.
 
-    As :func:`silence_ns`. A pause is counted from the end of a character to the start of the next.
+    1.5 of 3.5 characters, 750 µs of 1.75 ms; as :func:`silence_ns`. It is counted from the end of a character
+    to the start of the next.
 
-    >>> pause_ns(9600)
-    1718750
-    >>> pause_ns(115200)
-    750000
+    >>> pause_ns(silence_ns(9600)), pause_ns(silence_ns(115200))
+    (1718750, 750000)
     """
-    if baudrate > FAST_ABOVE_BAUD:
-        return FAST_PAUSE_NS
-    return round(PAUSE_CHARACTERS * bits_per_character * NS_PER_S / baudrate)
+    return silence * 3 // 7
 
 
 @dataclass(slots=True)
@@ -94,6 +89,11 @@ class RtuDecoder:
         self.deadline_ns: int | None = None
         """When ``on_silence`` wants to be called; every byte puts it off. None: nothing waits."""
         self.counters = RtuCounters()
+
+    @property
+    def is_between_frames(self) -> bool:
+        """Whether no bytes wait: the next one begins a frame."""
+        return not self._buffer
 
     def on_silence(self, now_ns: int) -> list[Frame]:
         """Return the frames that silence ended. Too early a call changes nothing (some timers fire early)."""

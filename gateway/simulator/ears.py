@@ -55,7 +55,7 @@ class Ear:
         self._ends_ns = silence_ns(baudrate, bits_per_character)
         if hearing is Hearing.MERGING:
             self._ends_ns = max(self._ends_ns, MERGED_NS)
-        self._breaks_ns = pause_ns(baudrate, bits_per_character)
+        self._breaks_ns = pause_ns(silence_ns(baudrate, bits_per_character))
         self._character_ns = round(bits_per_character * NS_PER_S / baudrate)
         self._buffer = bytearray(MAX_ADU)
         self._heard = 0

@@ -128,8 +128,6 @@ def test_what_is_said_of_a_line_that_is_to_be_cut_through() -> None:
     careless = (replace(axis(), checks_crc=False),)
     told = "cut_through = true, and the drive of axis x obeys or answers frames with a wrong check sum"
     assert said(both(9600, careless)) == [(Grade.IMPOSSIBLE, f"{told} (checks_crc = false)")]
-    assert [grade for grade, _ in said(line(TCP, controller(serial(9600))))] == [Grade.CLOSE]
-    assert "a controller would have to be on a serial port" in said(line(serial(9600), controller(TCP)))[0][1]
     # A million baud: 9 characters of 11 µs are less than the margin.
     fast = SerialEndpoint("/dev/a", 1_000_000, "E")
     assert said(line(fast, controller(fast))) == [

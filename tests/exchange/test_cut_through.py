@@ -256,7 +256,7 @@ def test_the_filling_never_ends_a_frame() -> None:
 
 # --- the table ----------------------------------------------------------------------------------------------
 
-SPOIL = "unfit refused changed bad stalled overtaken anew gone"
+SPOIL = "unfit refused changed bad stalled overtaken anew met gone"
 TABLE = {
     Cut.BEGUN: {"stored": SPOIL + " kept lost", "led": "opened"},
     Cut.LED: {"spoilt": SPOIL, "leaving": "fitted", "broken": "lost"},
@@ -293,7 +293,7 @@ def in_state(state: Cut) -> CutThrough:
     return cut
 
 
-ENDS = [Turn.UNFIT, Turn.REFUSED, Turn.CHANGED, Turn.BAD, Turn.STALLED, Turn.OVERTAKEN, Turn.ANEW, Turn.GONE]
+ENDS = [each for each in Turn if each.value in SPOIL.split()]
 
 
 @pytest.mark.parametrize("why", [*ENDS, Turn.LOST])

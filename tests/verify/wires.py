@@ -124,6 +124,7 @@ class Door(Requests):
     def __init__(self, line: LineExchange) -> None:
         super().__init__(NeverStoodStill())
         self._line = line
+        self.cuts = line.cuts
 
     def request(
         self, port: AnyPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int, **why: str
