@@ -32,6 +32,16 @@ class Hearing(Enum):
     """What is as long as it says, whatever its check sum is."""
 
 
+def ends_ns(hearing: Hearing, baudrate: int, bits_per_character: int = 11) -> int:
+    """Return after how much silence a kind of drive has a frame, in ns.
+
+    >>> ends_ns(Hearing.STANDARD, 38400), ends_ns(Hearing.MERGING, 38400)
+    (1750000, 10000000)
+    """
+    ends = silence_ns(baudrate, bits_per_character)
+    return max(ends, MERGED_NS) if hearing is Hearing.MERGING else ends
+
+
 class Ear:
     """One drive's UART and its buffer.
 
@@ -52,9 +62,7 @@ class Ear:
         self.damaged = b""
         """The last one that was wrong, as it came."""
         self._hearing = hearing
-        self._ends_ns = silence_ns(baudrate, bits_per_character)
-        if hearing is Hearing.MERGING:
-            self._ends_ns = max(self._ends_ns, MERGED_NS)
+        self._ends_ns = ends_ns(hearing, baudrate, bits_per_character)
         self._breaks_ns = pause_ns(silence_ns(baudrate, bits_per_character))
         self._character_ns = round(bits_per_character * NS_PER_S / baudrate)
         self._buffer = bytearray(MAX_ADU)
