@@ -130,7 +130,7 @@ async def hears(end: "RawEnd", count: int) -> bool:
     return True
 
 
-async def wires_of(bench: "Bench", tools: "Tools", *, echo: bool = False) -> Wires:
+async def wires_of(bench: "Bench", tools: "Tools", *, echo: bool = False, tape_bytes: int = 0) -> Wires:
     drive, controller = tools.raw_end(), tools.raw_end()
     ends = []
     for end in (drive, controller):
@@ -148,6 +148,7 @@ async def wires_of(bench: "Bench", tools: "Tools", *, echo: bool = False) -> Wir
         (replace(plain, settings=settings, actual=()),),
         replace(tools.timing, response_timeout_ms=20_000.0),
         cut_through=True,
+        tape_bytes=tape_bytes,
     )
     relay = Relay(GatewayPlan("bench", (plan,)), bench.notes.append)
     await relay.start()
@@ -158,11 +159,11 @@ async def wires_of(bench: "Bench", tools: "Tools", *, echo: bool = False) -> Wir
     return wires
 
 
-@pytest.mark.parametrize("echo", [False, True])
+@pytest.mark.parametrize(("echo", "tape_bytes"), [(False, 0), (True, 1 << 16)])
 async def test_a_setpoint_and_its_reply_leave_while_they_arrive(
-    bench: "Bench", tools: "Tools", *, echo: bool
+    bench: "Bench", tools: "Tools", *, echo: bool, tape_bytes: int
 ) -> None:
-    wires = await wires_of(bench, tools, echo=echo)
+    wires = await wires_of(bench, tools, echo=echo, tape_bytes=tape_bytes)
     if echo:
         wires.drive.script = lambda data: data
     await wires.settle()
