@@ -159,6 +159,7 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         max_registers=registers.max_registers,
         response_ms=registers.response_ms,
         safe_read=registers.safe_read,
+        checks_crc=registers.checks_crc,
         added_frames=axis.added_frames is AddedFrames.AUTO,
         refused_read=registers.refused_read,
         exception_writes_nothing=registers.exception is OnException.NOTHING_WRITTEN,

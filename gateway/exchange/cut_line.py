@@ -22,6 +22,7 @@ from gateway.exchange.leads import CRC_BYTES, MARGIN_NS, REMEMBERED, Piece
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import FastPath, Phase, Transaction
 from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
+from gateway.modbus.rtu_line import pause_ns
 
 GUARD_NS: Final = MARGIN_NS // 2
 SPOILT_SILENCES: Final = 3
@@ -39,12 +40,8 @@ class Wire(NamedTuple):
 
     @property
     def pause_ns(self) -> int:
-        """The longest pause between two characters of a frame: 1.5 of them, or what stands for them.
-
-        >>> Wire(572_916, 2_005_208).pause_ns, Wire(95_486, 1_750_000).pause_ns  # 19 200 and 115 200 baud
-        (859374, 750000)
-        """
-        return self.silence_ns * 3 // 7
+        """The longest pause between two characters of a frame: 1.5 of them, or what stands for them."""
+        return pause_ns(self.silence_ns)
 
 
 class Pauses:
@@ -189,13 +186,13 @@ class RequestCutter:
 
         The decoder gives that one too; it is not to be sent again. ``is_fresh``: no bytes wait in there.
         """
-        pause_ns, self._last_ns, self._now_ns = now_ns - self._last_ns, now_ns, now_ns
-        if is_fresh and pause_ns >= self._wire.silence_ns:
+        silent_ns, self._last_ns, self._now_ns = now_ns - self._last_ns, now_ns, now_ns
+        if is_fresh and silent_ns >= self._wire.silence_ns:
             self._begin()
         cut = self._cut
         if cut is None:
             return False
-        if cut.state is Cut.BEGUN and cut.pieces and pause_ns > self._stall_ns:
+        if cut.state is Cut.BEGUN and cut.pieces and silent_ns > self._stall_ns:
             cut.end(Turn.STALLED, now_ns)
         was, was_known = cut.state, cut.arrival.known
         out = cut.feed(data, now_ns)
