@@ -236,8 +236,7 @@ def _again(axis: Axis, retained: Retained) -> Rendering:
     number, nominal_words, corrected_words, corrected_counts, move = retained
     if not axis.is_referenced:
         return Rendering(number, nominal_words, corrected_words, 0.0, None)
-    is_unsure = move.state.spec is not NOTHING
-    again = move._replace(state=move.state._replace(is_unsure=is_unsure))
+    again = move._replace(state=move.state._replace(is_unsure=True))
     return Rendering(number, nominal_words, corrected_words, corrected_counts, again)
 
 

@@ -217,6 +217,12 @@ def test_the_drive_that_needs_the_longest_silence_sets_the_pace_of_its_line(tmp_
     assert only_line(tmp_path, text).timing == LineTiming(300.0, 250.0, 150.0, 10.5)
 
 
+def test_cut_through_is_off_unless_it_is_asked_for(tmp_path: Path) -> None:
+    assert only_line(tmp_path, GOOD).cut_through is False
+    text = edited(("[line.xyz]", "[line.xyz]\ncut_through = true"))
+    assert only_line(tmp_path, text).cut_through is True
+
+
 def test_what_a_drive_takes_to_answer_reaches_the_plan(tmp_path: Path) -> None:
     assert only_axis(tmp_path).response_ms is None
     assert only_axis(tmp_path, GOOD + "response_ms = 2.5\n").response_ms == 2.5

@@ -191,6 +191,12 @@ class Site:
             self.answer(frame[number : number + 1])
         return began_ns
 
+    def serve(self) -> None:
+        """Let the drive answer what is on the wire, in this moment."""
+        current = self.line._current
+        assert current is not None
+        self.answer(frame_of(self.bench.memory.answer(self.link.sent[-1][1]), current.wire_unit_id))
+
     # --- what left ----------------------------------------------------------------------------------------
 
     def to_drives(self, began_ns: int) -> Left:

@@ -5,11 +5,13 @@ byte, which leaves as the eighth, and the margin of a quarter. Its 13 characters
 17.25, and 10.5 of silence follow where it was spoilt: 27.75.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from gateway.exchange.axis.record_layout import Remembered
+from gateway.exchange.control import Switch
 from gateway.exchange.cut_requests import STORED_FOR, WEIGHED_AT_LEAST, Heads
 from gateway.exchange.cut_through import Turn
 from gateway.exchange.leads import (
@@ -412,3 +414,83 @@ def test_what_is_a_loss_is_stored_for_the_next_ones() -> None:
 
 def test_a_line_without_the_key_has_none_of_this() -> None:
     assert Bench(PLAN).line.cuts is None
+
+
+# --- each end in each state -----------------------------------------------------------------------------
+
+STATES = {"begun": 4, "led": 6, "head": 7, "data": 11, "checked": 12}
+"""Characters that have come: nothing has left, then some of its head, all of it, its position."""
+
+
+def _stop(line: Site) -> None:
+    line.hear(line.panel, frame_of(STOP_PDU, 2))
+
+
+def _noise(line: Site) -> None:
+    line.answer(b"\x55")
+
+
+def _port(line: Site) -> None:
+    line.line.controller_gone(line.cnc, line.bench.now_ns)
+
+
+def _wire(line: Site) -> None:
+    line.line.link_down(line.bench.now_ns)
+    line.line.link_up(line.bench.now_ns)
+
+
+def _silence(line: Site) -> None:
+    line.pass_to(line.bench.now_ns + 3 * CHAR_NS)
+
+
+def _table(line: Site) -> None:
+    line.line.control(Switch("x", is_wanted=False), line.bench.now_ns)
+
+
+ENDS = {
+    _stop: Turn.OVERTAKEN,
+    _noise: Turn.MET,
+    _port: Turn.GONE,
+    _wire: Turn.LOST,
+    _silence: Turn.STALLED,
+    _table: Turn.CHANGED,
+}
+
+
+@pytest.mark.parametrize("end", ENDS, ids=lambda end: end.__name__.strip("_"))
+@pytest.mark.parametrize("state", STATES)
+def test_each_end_in_each_state_leaves_a_line_that_works(state: str, end: Callable[[Site], None]) -> None:
+    line = site(PLAN, staged_plan(name="y", unit_id=2))
+    frame = frame_of(NEXT)
+    began_ns = line.come(frame[: STATES[state]])
+    has_begun = line.line._current is not None
+    assert has_begun == (state != "begun")
+    if has_begun:
+        assert line.line._current is not None
+        assert line.line._current.phase is Phase.LEAVING
+    end(line)
+    line.come(frame[STATES[state] :])
+    left = line.to_drives(began_ns)
+    if has_begun:
+        is_judged = STATES[state] >= 11
+        why = Turn.REFUSED if end is _table and not is_judged else ENDS[end]
+        assert line.requests() == {why: 1}
+        if end is _wire:
+            assert all(when < STATES[state] + 1 for when, _ in left)
+        else:
+            spoilt = [data for when, data in left if when < 27.75]
+            ends_spoilt([(0.0, data) for data in spoilt])
+    # Whatever is owed is answered, then the line is as any other, and the next setpoint goes through.
+    for _ in range(4):
+        line.pass_to(line.bench.now_ns + 1500 * MS)
+        if line.line._current is not None:
+            line.serve()
+    assert line.line.is_idle
+    assert line.line.rest.until_ns is None
+    line.forget()
+    line.hear(line.cnc, frame_of(write(COMMAND, 10_080)))
+    for _ in range(4):
+        if line.line._current is not None:
+            line.serve()
+    assert line.cnc.replies[-1] == (0, 1, NEXT[:5])
+    assert line.line.axes[0].fields[0].nominal_words == write(COMMAND, 10_080)[6:]

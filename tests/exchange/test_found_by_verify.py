@@ -595,3 +595,33 @@ def test_an_axis_that_was_moved_away_before_a_dry_run_ended_does_not_run_its_old
     world = play(BY_NAME["s-dry-run-staged"], *told)
     assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 23D4 0000")  # 9172, forward
     assert not world.is_sending_unsure()
+
+
+def test_a_repeat_of_a_target_that_went_without_a_reference_is_flagged_once_its_drive_was_homed() -> None:
+    """M4, M9: -7003 went as it came. The drive is homed while the link is down, and stands at 0: the same
+    target again is the same words, which are on no branch (-6910 forward, -7131 backward)."""
+    told = (
+        ("unplug",),
+        ("plug",),
+        REBOOT,
+        to(0),
+        ACK,  # 03 005C 0001 -> 0010: not homed
+        ACK,  # 10 0606 0002 04 E4A5 FFFF: -7003
+        HOMED,
+        ("unplug",),
+        REBOOT,
+        ("plug",),
+        ("unplug",),
+        HOMED,
+        ("plug",),
+        READ,
+        WAIT,
+        ACK,  # 03 005C 0001 -> 0110: homed
+        ACK,  # 03 0520 0002 -> 0000 0000
+        to(0),
+    )
+    world = play(BY_NAME["s-link-homed"], *told)
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 E4A5 FFFF")
+    assert world.is_sending_unsure()
+    world.happen(ACK)
+    assert world.said(0).direction == "unsure"

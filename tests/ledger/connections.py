@@ -10,7 +10,7 @@ from gateway.modbus.mbap import MbapCounters, encode_mbap
 from gateway.relay.controller_port import MbapControllerPort, Requests
 from tests.ledger.controllers import Master
 from tests.ledger.exchanges import Controller
-from tests.ledger.frames import mbap, open_mbap
+from tests.ledger.frames import open_mbap
 from tests.ledger.ledger import Ledger
 from tests.ledger.stillness import Stillness
 
@@ -23,7 +23,7 @@ class Doorway(Requests):
 
     def __init__(self, line: LineExchange, ledger: Ledger, book: Controller, stillness: Stillness) -> None:
         super().__init__(stillness.beats)
-        self._line, self._ledger, self._book, self._stillness = line, ledger, book, stillness
+        self._line, self._ledger, self.book, self._stillness = line, ledger, book, stillness
         self.written_ns: deque[int] = deque()
         """When each request's first byte was sent."""
 
@@ -39,7 +39,7 @@ class Doorway(Requests):
     ) -> None:
         """See ``Requests``."""
         written_ns = self.written_ns.popleft()
-        request = self._ledger.arrived(self._book, transaction_id, unit_id, pdu, written_ns)
+        request = self._ledger.arrived(self.book, transaction_id, unit_id, pdu, written_ns)
         if why_given_up:
             self._ledger.is_to_be_given_up(request, why_given_up, self._stillness)
         else:
@@ -51,7 +51,7 @@ class Doorway(Requests):
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """See ``Requests``."""
         self._line.controller_gone(port, now_ns)
-        self._ledger.gone(self._book)
+        self._ledger.gone(self.book)
 
 
 class Connection:
@@ -69,9 +69,11 @@ class Connection:
         self.port.opened(self, now_ns)
 
     def write(self, data: bytes) -> None:
-        """See ``Channel``."""
+        """See ``Channel``; the gateway may not know yet that nobody reads it any more."""
         if not self.is_closed:
             self._master.heard(data)
+        else:
+            self._master.missed(self.doorway.book, data)
 
     def has_gone(self) -> bool:
         """See ``Channel``."""
@@ -178,12 +180,15 @@ class TcpMaster(Master):
             self._after_trouble(step)
             self.go_on()
 
+    def missed(self, book: Controller, frame: bytes) -> None:
+        """A reply went to a connection that this end had closed: it ends a request all the same."""
+        transaction_id, unit_id, pdu = open_mbap(frame)
+        if transaction_id in book.unanswered:
+            self._ledger.replied(book, transaction_id, unit_id, pdu)
+
     def heard(self, frame: bytes) -> None:
         """Take a reply."""
-        opened = open_mbap(frame)
-        assert opened is not None
-        transaction_id, unit_id, pdu = opened
-        assert frame == mbap(transaction_id, unit_id, pdu)
+        transaction_id, unit_id, pdu = open_mbap(frame)
         self._ledger.replied(self.book, transaction_id, unit_id, pdu)
         step = self._open.pop(transaction_id, None)
         if step is None:

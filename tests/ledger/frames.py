@@ -128,5 +128,5 @@ def mbap(transaction_id: int, unit_id: int, pdu: bytes) -> bytes:
 
 def open_mbap(frame: bytes) -> tuple[int, int, bytes]:
     """Return transaction id, unit id and PDU of a whole Modbus/TCP frame."""
-    assert len(frame) == 6 + int.from_bytes(frame[4:6], "big"), frame.hex(" ")
+    assert frame[2:6] == (len(frame) - 6).to_bytes(4, "big"), frame.hex(" ")  # protocol id 0, length
     return int.from_bytes(frame[:2], "big"), frame[6], frame[7:]

@@ -170,8 +170,14 @@ def left(world: "World", wire: "Wire") -> None:
         note(world, number, _of(world, number)._replace(is_stale=False))
 
 
-def unanswered(world: "World", wire: "Wire", *, is_cut: bool = False) -> None:
-    """The drive has not answered a frame in time. ``is_cut``: because the link went."""
+def unanswered(
+    world: "World", wire: "Wire", *, is_cut: bool = False, has_said_something: bool = False
+) -> None:
+    """The drive has not answered a frame in time.
+
+    ``is_cut``: because the link went; ``has_said_something``: what may be a late answer to another one ended
+    the wait, so that it was not silent.
+    """
     number = number_of(world, wire.unit_id)
     plan = world.design.plans[number]
     facts = _of(world, number)
@@ -180,9 +186,10 @@ def unanswered(world: "World", wire: "Wire", *, is_cut: bool = False) -> None:
         facts = _fell_silent(facts, plan, world.now_ns)
     if wire.pdu[0] != 3:
         facts = _reference_after(facts, plan, wire, world.now_ns, is_obeyed=False)
-    if not is_cut:
+    if not is_cut and not has_said_something:
         facts = _fell_silent(facts, plan, world.now_ns, wire.sent_ns)
     note(world, number, facts)
+    rules.note_other_lost(world, number, wire)
     if wire.pdu[0] != 3:
         _target_ended(world, number, wire, NO_REPLY, is_native=False)
 

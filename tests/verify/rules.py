@@ -504,10 +504,11 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     run = axis.run
     is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
     is_again |= aim.tried is not None and aim.tried[0] == aim.nominal_counts
-    if "declare" in world.design.happenings and run is not None and not run.is_told:
-        is_again |= (
-            run.nominal_counts == aim.nominal_counts
-        )  # kept over a lost reference: the same words (M4)
+    if run is not None and (
+        run.state in PASSING or ("declare" in world.design.happenings and not run.is_told)
+    ):
+        # The same words as before the reference was lost, or found: no reading tells (M4).
+        is_again |= run.nominal_counts == aim.nominal_counts
     may_fail = world.design.refuses_reads or world.design.answers_before
     if may_fail or not plan.actual or is_again or plan.queues_targets:  # which may have others to go to first
         return
@@ -818,6 +819,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             note_lost(world, wire.owner, request)
         if wire.aim is not None:
             _judge_untold(world, number, wire.aim, reply)
+            note_other_lost(world, number, wire)
             _forget(world, number, wire)
         forget_stop(world, number)
         return
@@ -884,6 +886,15 @@ def _judge_untold(world: "World", number: int, aim: "Aim", reply: bytes) -> None
     target, before = world.said(number).target_counts, world.before[number].target_counts
     if aim.base is None and target == aim.nominal_counts != before:
         raise BrokenRuleError(f"target {target} was answered with {reply.hex(' ')}, and it is told (M7)")
+
+
+def note_other_lost(world: "World", number: int, wire: "Wire") -> None:
+    """After another target that was lost nobody knows which of both its drive holds over a lost reference."""
+    axes = list(world.state.axes)
+    held = axes[number].held
+    if held is not None and wire.aim is not None and wire.aim.nominal_counts != held.nominal_counts:
+        axes[number] = axes[number]._replace(held=None)
+        world.state = world.state._replace(axes=tuple(axes))
 
 
 def _forget(world: "World", number: int, wire: "Wire", *, was_told: bool = False) -> None:

@@ -818,7 +818,7 @@ class World:
             for side in self.sides:
                 side.reply(wire.unit_id, reply, self.now_ns)
             rules.owe_early_stop(self, wire)
-            facts.unanswered(self, wire)
+            facts.unanswered(self, wire, has_said_something=True)
             rules.note_silence(self, wire)
             self._collect()
             return
