@@ -18,11 +18,12 @@ from gateway.exchange.cut_requests import WRITE, Heads, RequestJudge, beginning_
 from gateway.exchange.cut_through import CUT_AFTER, Cut, CutThrough, Pace, Turn
 from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import ReadPath, WritePath
-from gateway.exchange.leads import CRC_BYTES, MARGIN_NS, REMEMBERED, Piece
+from gateway.exchange.leads import CRC_BYTES, MARGIN_NS, REMEMBERED, MeasuredLead, Piece
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import FastPath, Phase, Transaction
 from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
 from gateway.modbus.rtu_line import pause_ns
+from gateway.times import NS_PER_MS
 
 GUARD_NS: Final = MARGIN_NS // 2
 SPOILT_SILENCES: Final = 3
@@ -103,6 +104,14 @@ class CutLine:
         self.requests = dict.fromkeys(Turn, 0)
         """How requests ended, and why: COMMITTED were cut through, KEPT stored."""
         self.replies = dict.fromkeys(Turn, 0)
+        self.requests_stored = dict.fromkeys(Turn, 0)
+        """Those of them of which nothing had left."""
+        self.replies_stored = dict.fromkeys(Turn, 0)
+        self.requests_gain_ns = self.replies_gain_ns = 0
+        """How much sooner all that were cut through began to leave than they were whole."""
+        self.tell_no_gain: Callable[[str], None] = _tell_nobody
+        """Told once for each port and direction that cut-through gains nothing there, and why."""
+        self._told: set[tuple[str, str]] = set()
         self.torn = 0
         """Frames inside of which the transmitter was empty."""
         self.on_change: Callable[[], None] = _do_nothing
@@ -124,6 +133,17 @@ class CutLine:
     def of(self, port: ControllerPort | None) -> "RequestCutter | None":
         """Return what follows the requests of a port; None: nothing does."""
         return None if port is None else self._cutters.get(port)
+
+    def note_gain(self, controller: str, what: str, lead: MeasuredLead) -> None:
+        """Tell once where frames that are measured would gain nothing."""
+        if lead.no_gain is None or (controller, what) in self._told:
+            return
+        self._told.add((controller, what))
+        begins_ms, whole_ms = (each / NS_PER_MS for each in lead.no_gain)
+        self.tell_no_gain(
+            f"{what} of {controller}: one of {lead.shape.length} bytes could begin to leave {begins_ms:.2f} "
+            f"ms after its first bytes came, and is whole after {whole_ms:.2f} ms"
+        )
 
     def end_leaving(self, transaction: Transaction, why: Turn, now_ns: int) -> None:
         """Let no more of a request leave that is leaving."""
@@ -234,7 +254,9 @@ class RequestCutter:
             cuts.line.lead(self.port, cut.expected, self._now_ns)
         elif not CUT_AFTER[cut.state]:
             cuts.requests[turn] += 1
+            cuts.requests_stored[turn] += cut.state is Cut.STORED
             if cut.state is Cut.WHOLE:
+                cuts.requests_gain_ns += self._now_ns - cut.began_ns
                 self.heads.pay(cut.expected, self._now_ns - cut.began_ns)
             elif cut.state is Cut.SPOILT and turn in WASTED:
                 self.heads.pay(cut.expected, -(cuts.silence_ns + len(cut.expected) * cuts.wire.char_ns))
@@ -260,7 +282,7 @@ class RequestCutter:
         frame = cut.arrival.data
         shape = shape_of(self._cuts.units.path_of(frame[0], frame[1:-CRC_BYTES]), frame)
         if shape is not None:
-            self.heads.measure(shape, cut.pieces)
+            self._cuts.note_gain(self.port.name, "requests", self.heads.measure(shape, cut.pieces))
             self.heads.came(beginning_of(frame))
 
 
@@ -343,7 +365,11 @@ class ReplyCutter:
         cut, transaction = self._cut, self._transaction
         assert cut is not None
         if not CUT_AFTER[cut.state]:
-            self._cuts.replies[turn] += 1
+            cuts = self._cuts
+            cuts.replies[turn] += 1
+            cuts.replies_stored[turn] += cut.state is Cut.STORED
+            if cut.state is Cut.WHOLE:
+                cuts.replies_gain_ns += self._now_ns - cut.began_ns
         if cut.state is Cut.SPOILT and turn in WASTED and transaction is not None:
             self._disappoint(transaction)
 
@@ -374,7 +400,7 @@ class ReplyCutter:
         self._pauses.note(cut.pieces)
         cutter, shape = self._cuts.of(transaction.port), reply_shape_of(transaction)
         if cutter is not None and shape is not None:
-            cutter.replies.measure(shape, cut.pieces)
+            self._cuts.note_gain(cutter.port.name, "replies", cutter.replies.measure(shape, cut.pieces))
 
 
 def _sent_pdu(transaction: Transaction) -> bytes:
@@ -388,4 +414,8 @@ def _sent_pdu(transaction: Transaction) -> bytes:
 
 
 def _do_nothing() -> None:
+    pass
+
+
+def _tell_nobody(_: str) -> None:
     pass

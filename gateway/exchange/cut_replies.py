@@ -76,8 +76,8 @@ class Replies:
             self._passed.clear()
         self._passed[key] = passed
 
-    def measure(self, shape: Shape, pieces: Sequence[Piece]) -> None:
-        """Learn from how a reply came, whatever became of it."""
+    def measure(self, shape: Shape, pieces: Sequence[Piece]) -> MeasuredLead:
+        """Learn from how a reply came, whatever became of it; return what is known now."""
         lead = self._leads.get(shape)
         if lead is None:
             lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
@@ -85,6 +85,7 @@ class Replies:
         left = self._stored.pop(shape, 0) - 1
         if left > 0:
             self._stored[shape] = left
+        return lead
 
     def rest(self, shape: Shape) -> None:
         """One of a shape was spoilt: the next ones are stored."""

@@ -124,12 +124,13 @@ class Heads:
         is_expected = shape is not None and is_alike and is_fit_head(head)
         self._expected[beginning] = Expected(shape, sent) if shape is not None and is_expected else None
 
-    def measure(self, shape: Shape, pieces: Sequence[Piece]) -> None:
-        """Learn from how a request came, whatever became of it."""
+    def measure(self, shape: Shape, pieces: Sequence[Piece]) -> MeasuredLead:
+        """Learn from how a request came, whatever became of it; return what is known now."""
         lead = self._leads.get(shape)
         if lead is None:
             lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
         lead.note(pieces)
+        return lead
 
     def came(self, frame: bytes) -> None:
         """A request came whole, whatever became of it."""

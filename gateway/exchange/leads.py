@@ -162,7 +162,7 @@ class MeasuredLead:
     show in when the bytes came. The margin is ``margin_ns`` and half of what the needs have differed by.
     """
 
-    __slots__ = ("_char_ns", "_margin_ns", "_needs_ns", "_wholes_ns", "lead_ns", "out_ns", "shape")
+    __slots__ = ("_char_ns", "_margin_ns", "_needs_ns", "_wholes_ns", "lead_ns", "no_gain", "out_ns", "shape")
 
     def __init__(self, shape: Shape, in_ns: int, out_ns: int, margin_ns: int = MARGIN_NS) -> None:
         self.shape = shape
@@ -174,6 +174,9 @@ class MeasuredLead:
         self.lead_ns: int | None = None
         """After so long a frame may begin to leave. None: it is stored, because too few have been seen, or
         because it would not leave a character before the soonest of them was whole."""
+        self.no_gain: tuple[int, int] | None = None
+        """Where enough were seen, and it is not worth it: after how long a frame could begin to leave, and
+        after how long the soonest was whole, both since its first piece."""
 
     def note(self, pieces: Sequence[Piece]) -> None:
         """Learn from a frame that has come whole, whether it was cut through or stored."""
@@ -182,5 +185,7 @@ class MeasuredLead:
         wholes_ns.append(pieces[-1].came_ns - pieces[0].came_ns)
         longest_ns = max(needs_ns)
         lead_ns = longest_ns + (longest_ns - min(needs_ns)) // 2 + self._margin_ns
-        is_gain = len(needs_ns) >= LEARNED_AFTER and lead_ns + self._char_ns <= min(wholes_ns)
+        is_known, whole_ns = len(needs_ns) >= LEARNED_AFTER, min(wholes_ns)
+        is_gain = is_known and lead_ns + self._char_ns <= whole_ns
         self.lead_ns = lead_ns if is_gain else None
+        self.no_gain = (lead_ns, whole_ns) if is_known and not is_gain else None

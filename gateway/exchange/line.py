@@ -125,6 +125,7 @@ class LineExchange(CuttingLine):
         if cut_through is not None:
             gap_ns = int(timing.gap_ms * NS_PER_MS)
             self.cuts = CutLine(self, link, self._units, cut_through, gap_ns)
+            self.cuts.tell_no_gain = lambda why: on_event(Event(EventKind.CUT_THROUGH_OFF, None, why))
 
     @property
     def deadline_ns(self) -> int | None:

@@ -6,6 +6,7 @@ import pytest
 
 from bench.cut_damage import Damage
 from bench.cut_line import READ, WRITE_HEAD, Way, damaged, direct_ns, has_whole, run, shares
+from gateway.exchange.cut_status import cut_status
 from gateway.exchange.cut_through import Turn
 from gateway.modbus.crc import append_crc
 from gateway.simulator.ears import Hearing
@@ -36,7 +37,14 @@ def test_a_line_that_cuts_through_adds_its_leads(way: Way, expected: tuple[float
     assert (found.unanswered, found.torn, found.foreign, found.broken) == (0, 0, 0, 0)
     assert line.line.cuts is not None
     # Of 300 writes and 300 reads the first 32 of each shape are learned from.
-    assert line.line.cuts.requests[Turn.COMMITTED] == 600 - 2 * 32
+    said = cut_status(line.line.cuts)
+    assert said["requests"]["cut_through"] == 600 - 2 * 32
+    assert said["requests"]["stored"] == {"kept": 2 * 32}
+    assert (said["requests"]["spoilt"], said["replies"]["spoilt"], said["torn"]) == ({}, {}, 0)
+    # Nine characters of a write and six of a read less a margin each: in the mean seven and a half.
+    char_us = 11e6 / way.baudrate
+    assert said["requests"]["gain_us"] == pytest.approx(7.5 * char_us - 250, abs=3)
+    assert line.events == {"line-up": 1}
 
 
 def test_a_port_that_hands_whole_frames_over_stores() -> None:
@@ -45,6 +53,8 @@ def test_a_port_that_hands_whole_frames_over_stores() -> None:
     assert (found.unanswered, found.torn) == (0, 0)
     assert line.line.cuts is not None
     assert line.line.cuts.requests[Turn.COMMITTED] == 0
+    assert cut_status(line.line.cuts)["requests"]["gain_us"] is None
+    assert line.events == {"line-up": 1, "cut-through-off": 2}  # of requests and of replies, once each
     stored = shares(way, run(Way(9600, cuts=False, adapter=way.adapter), 200)[0])
     assert shares(way, found) == pytest.approx(stored, abs=0.005)
 

@@ -205,6 +205,19 @@ def test_a_port_that_hands_frames_over_whole_stores() -> None:
     assert lead.lead_ns is None
 
 
+def test_a_frame_that_gains_nothing_says_when_it_could_begin_and_when_it_is_whole() -> None:
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(LEARNED_AFTER - 1):
+        lead.note([Piece(0, 13)])
+        assert lead.no_gain is None
+    lead.note([Piece(0, 13)])
+    assert lead.no_gain == (1000, 0)  # with its first piece it is whole, and the margin is waited for
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(LEARNED_AFTER):
+        lead.note(steady(13))
+    assert lead.no_gain is None
+
+
 def test_lumps_are_no_hindrance_where_the_wire_behind_them_is_busy_meanwhile() -> None:
     lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
