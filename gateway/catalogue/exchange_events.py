@@ -51,7 +51,7 @@ CUT_THROUGH_OFF: Final = EventEntry(
     Severity.INFO,
     "a line with `cut_through` stores frames of a controller, requests or replies, because by what was "
     "measured they would not leave a character sooner; told once for each, and tried again",
-    "an adapter that hands bytes over in lumps (a latency timer of 16 ms, the FIFO of a UART), a slow side in "
+    "an adapter that hands bytes over in lumps (a latency timer of 16 ms, a FIFO), a slow side in "
     "front of a fast one, or a machine that is busy with other things",
     "let the gateway set the latency timer (`low_latency`, see "
     "[latency settings](#what-a-serial-port-adds-latency-settings)), give the relay `fifo`, or leave "
