@@ -181,6 +181,8 @@ class Transaction:
     """How long it waited for the line."""
     added_ns = 0
     """How long frames of the gateway's own held it up."""
+    early_ns = 0
+    """So long its own frame had been leaving when all of it had come (``cut_line``)."""
     excused_ns = 0
     """How much of that no deadline counts: a look at where the axis stands."""
     is_orphan = False
@@ -327,7 +329,7 @@ class Transaction:
     def arrive(self, pdu: bytes, arrived_ns: int) -> None:
         """All of it has come while it was leaving: this is what it says."""
         assert self.phase is _LEAVING
-        self.pdu, self.arrived_ns = pdu, arrived_ns
+        self.pdu, self.arrived_ns, self.early_ns = pdu, arrived_ns, arrived_ns - self.sent_ns
         self.frames = None
 
     def leave(self, now_ns: int, unit_id: int, patience_ns: int) -> None:

@@ -47,6 +47,7 @@ class PiecePort(Port):
     def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
         self.replies.append((transaction_id, unit_id, pdu))
         self.lead(rest)
+        self.stamps.sent_ns = self.site.bench.now_ns
 
 
 class PieceLink(Link):
@@ -81,6 +82,7 @@ class PieceLink(Link):
         self.sent.append((unit_id, pdu))
         self.decoder.expect(unit_id, pdu)
         self.lead(rest)
+        self.stamps.sent_ns, self.stamps.wire_ns_per_byte = self.now_ns(), CHAR_NS
 
 
 class Site:

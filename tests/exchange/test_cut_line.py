@@ -14,6 +14,7 @@ from gateway.exchange.axis.record_layout import Remembered
 from gateway.exchange.control import Switch
 from gateway.exchange.cut_requests import STORED_FOR, WEIGHED_AT_LEAST, Heads
 from gateway.exchange.cut_through import Turn
+from gateway.exchange.latency import bucket_of
 from gateway.exchange.leads import (
     LEARNED_AFTER,
     Piece,
@@ -81,6 +82,8 @@ def test_a_setpoint_leaves_four_characters_behind_itself_and_its_reply_two() -> 
     assert (line.requests(), line.replies()) == ({Turn.COMMITTED: 1}, {Turn.COMMITTED: 1})
     assert line.line.axes[0].fields[0].nominal_words == NEXT[6:]
     assert line.cuts.torn == 0
+    # The request was off the wire at 17.25, and the reply began at 20.
+    assert line.line.meter.measured["cnc", 1].drive[bucket_of(2_750_000)] == 1
 
 
 def test_a_read_leaves_at_its_function_and_the_position_in_its_reply_when_it_is_whole() -> None:
@@ -447,7 +450,7 @@ def _table(line: Site) -> None:
     line.line.control(Switch("x", is_wanted=False), line.bench.now_ns)
 
 
-ENDS = {
+ENDS: dict[Callable[[Site], None], Turn] = {
     _stop: Turn.OVERTAKEN,
     _noise: Turn.MET,
     _port: Turn.GONE,
