@@ -28,11 +28,13 @@ class Way:
 
     endpoints: tuple[str, ...]
     fds: tuple[int, ...] = ()
+    pid: int | None = None
+    """The process that carries them, where its processor time is asked for."""
 
     @classmethod
-    def tcp(cls, *ports: int) -> "Way":
+    def tcp(cls, *ports: int, pid: int | None = None) -> "Way":
         """Modbus/TCP on loopback."""
-        return cls(tuple(f"tcp:127.0.0.1:{port}" for port in ports))
+        return cls(tuple(f"tcp:127.0.0.1:{port}" for port in ports), pid=pid)
 
     @classmethod
     def fd(cls, descriptor: int) -> "Way":

@@ -20,6 +20,7 @@ LINE: Final = re.compile(r"^\s*(\S.*?)\s+([\d.]+)\s+([\d.]+)\s*$")
 EVEN_SMALL, EVEN_LARGE = "correction, 1 000 points, even grid", "correction, 100 000 points, even grid"
 FREE_SMALL, FREE_LARGE = "correction, 1 000 points, free grid", "correction, 100 000 points, free grid"
 REWRITING: Final = "rewriting one FC16 request: bytes in to bytes out"
+EXCHANGE: Final = "a whole corrected FC16 exchange, RTU bytes to bytes and back"
 SETPOINT: Final = "one setpoint of a stream, there and back"
 WITH_TERMS: Final = (
     "the same with thermal and one cross term, whose axis stands",
@@ -106,5 +107,6 @@ def goals(series: Series, build: str) -> list[Goal]:
         Goal("… even grid, 100 000 ÷ 1 000 points", 1.2, times(EVEN_LARGE, EVEN_SMALL)),
         Goal("… free grid, 100 000 ÷ 1 000 points", 2.0, times(FREE_LARGE, FREE_SMALL)),
         Goal(f"rewriting one FC16 request, bytes in to bytes out, µs, {build}", 3.0, us(REWRITING)),
+        *([Goal(f"{EXCHANGE}, µs, {build}", 1.5, us(EXCHANGE))] if build == "compiled" else []),
         Goal(f"measuring, ns per exchange, {build}", 600.0, measured_ns),
     ]

@@ -44,7 +44,7 @@ def run(bench: Bench) -> Section:
         ("bytes a point", f"{per_point.estimate:.1f}"),
     )))  # fmt: skip
     section.goals += [
-        Goal("RSS of the relay without tables, MiB", 40.0, bare),
+        Goal("RSS of the relay without tables, MiB", 33.0, bare),
         Goal(
             "bytes a point of a table",
             24.0,

@@ -61,20 +61,28 @@ def run(bench: Bench) -> Section:
 
 
 def _goals(found: dict[str, _Condition], refused: str) -> list[Goal]:
-    def of(pick: Callable[[_Condition], Series], what: str) -> Goal:
+    def of(pick: Callable[[_Condition], Series], what: str, share: str) -> Goal:
         series, quiet = pick(found[BUSY]), pick(found[QUIET])
         if FIFO not in series:
             return Goal(what, 0.4, None, remark=f"no real-time scheduling: {refused}")
-        idle, without = ratio(quiet, FIFO, SOCAT, "p999"), ratio(series, GATEWAY, SOCAT, "p999")
+        idle, without = ratio(quiet, FIFO, SOCAT, share), ratio(series, GATEWAY, SOCAT, share)
         remark = f"on {QUIET}: {idle}; without fifo: {without}"
-        return Goal(what, 0.4, ratio(series, FIFO, SOCAT, "p999"), remark=remark)
+        return Goal(what, 0.4, ratio(series, FIFO, SOCAT, share), remark=remark)
 
+    # p99 too: interruptions by the host, which nobody's priority keeps away, hide p99.9 on a virtual machine.
     return [
-        of(
-            lambda one: one.trips,
-            "commands every 2 ms with `fifo`, busy machine: p99.9 of the round trip ÷ socat's",
-        ),
-        of(lambda one: one.spacings, "… p99.9 of the deviation from 2 ms at the drive ÷ socat's"),
+        goal
+        for name, share in (("p99.9", "p999"), ("p99", "p99"))
+        for goal in (
+            of(
+                lambda one: one.trips,
+                f"commands every 2 ms with `fifo`, busy machine: {name} of the round trip ÷ socat's",
+                share,
+            ),
+            of(
+                lambda one: one.spacings, f"… {name} of the deviation from 2 ms at the drive ÷ socat's", share
+            ),
+        )
     ]
 
 

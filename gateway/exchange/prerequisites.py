@@ -131,6 +131,8 @@ def _read_for_run(
     request: Request, axis: Axis, number: int, words: bytes, action: Action
 ) -> AddedFrame | None:
     """Return what must be read before a whole target can be rendered."""
+    if not action.is_relative and axis.retained_as(number, words) is not None:
+        return None  # it keeps its words, wherever the axis is
     known = request.known
     actual = axis.asked_actual
     if actual is not None and axis.plan.name not in known.actual and needs_look(axis, request.now_ns, action):

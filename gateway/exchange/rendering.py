@@ -91,8 +91,8 @@ def render(
     if needs_offset(axis):
         axis.begin_stream(number, nominal_words, seen.fresh, seen.now_ns)
         is_passing = axis.passes_unchanged
-    retained = axis.retained if axis.whereabouts is Whereabouts.RETAINED else None
-    if retained is not None and retained.number == number and retained.nominal_words == nominal_words:
+    retained = axis.retained_as(number, nominal_words)
+    if retained is not None:
         return _again(axis, retained)
     if not isfinite(raw):
         if is_passing:

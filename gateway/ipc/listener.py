@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import msgspec
 
-from gateway.ipc.messages import Happened, Snapshot, encode
+from gateway.ipc.messages import DEFAULT_INTERVAL_S, Happened, Snapshot, encode
 from gateway.ipc.outbox import Outbox
 
 EVENTS_KEPT: Final = 256
@@ -30,6 +30,10 @@ class Listener:
         self._is_snapshot_due = True
         self._dropped = 0
         self._loop = asyncio.get_running_loop()
+        self._since_s = self._loop.time()
+        """When a snapshot became due last."""
+        self._next_s = self._since_s
+        """When the next one will be."""
         self._timer: asyncio.Handle = self._loop.call_soon(self._tick)
         self._more = self._timer
 
@@ -39,6 +43,14 @@ class Listener:
             self._events.popleft()
             self._dropped += 1
         self._events.append(happened)
+        soon_s = self._since_s + DEFAULT_INTERVAL_S
+        if not self._is_snapshot_due and soon_s < self._next_s:  # what has changed shows in a snapshot, soon
+            self._be_due(soon_s)
+
+    def follow(self, interval_s: float) -> None:
+        """Take another interval, from the last snapshot on."""
+        self._interval_s = interval_s
+        self._be_due(self._since_s + interval_s)
 
     def pump(self) -> None:
         """Send what can be sent now. Events are older than a snapshot that has not been made yet."""
@@ -63,8 +75,14 @@ class Listener:
         self._is_snapshot_due = False
 
     def _tick(self) -> None:
-        self._timer = self._loop.call_later(self._interval_s, self._due)
+        self._since_s = self._loop.time()
+        self._be_due(self._since_s + self._interval_s)
         self.pump()
+
+    def _be_due(self, at_s: float) -> None:
+        self._next_s = at_s
+        self._timer.cancel()
+        self._timer = self._loop.call_at(at_s, self._due)
 
     def _due(self) -> None:
         self._dropped += self._is_snapshot_due

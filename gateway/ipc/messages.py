@@ -22,6 +22,8 @@ MAX_TABLES: Final = 16
 SHORTEST_INTERVAL_S: Final = 0.05
 LONGEST_INTERVAL_S: Final = 60.0
 DEFAULT_INTERVAL_S: Final = 0.2
+SELDOM_S: Final = 1.0
+"""Between two snapshots that nobody waits for."""
 
 
 class WrongMessageError(Exception):
@@ -67,7 +69,10 @@ class SetReference(_Message, frozen=True, tag="reference", tag_field="kind"):
 
 
 class Subscribe(_Message, frozen=True, tag="subscribe", tag_field="kind"):
-    """Ask to be told: a snapshot every ``interval_s``, and what happens as it happens."""
+    """Ask to be told: a snapshot every ``interval_s``, and what happens as it happens.
+
+    What happens brings the next snapshot forward. To ask again changes the interval.
+    """
 
     interval_s: Annotated[float, msgspec.Meta(ge=SHORTEST_INTERVAL_S, le=LONGEST_INTERVAL_S)] = (
         DEFAULT_INTERVAL_S

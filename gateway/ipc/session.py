@@ -276,7 +276,8 @@ class Session:
 
     def _subscribe(self, request: Subscribe) -> None:
         if self.listener is not None:
-            self._refuse("subscribe", "subscribed already")
+            self._send(Subscribed(interval_s=request.interval_s))
+            self.listener.follow(request.interval_s)
         elif not self._clients.has_room_for_listener:
             self._refuse("subscribe", "as many listeners as there may be are subscribed")
         else:

@@ -14,7 +14,9 @@ from gateway.supervisor.trouble import Place, Trouble
 HISTORY_S: Final = 600
 """Ten minutes of each axis are kept."""
 EVERY_S: Final = 1.0
-"""So often at most a place is kept."""
+"""So often a place is kept."""
+EARLY_S: Final = 0.1
+"""Snapshots that come every second come a little earlier now and then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,7 @@ class Chronicle:
             if seen.nominal is not None:
                 self._last[name] = seen
             kept = self._history.setdefault(name, deque(maxlen=int(HISTORY_S / EVERY_S)))
-            if not kept or seen.at_s - kept[-1].at_s >= EVERY_S:
+            if not kept or seen.at_s - kept[-1].at_s >= EVERY_S - EARLY_S:
                 kept.append(seen)
 
     def last(self, axis: str, now_s: float) -> dict[str, Any] | None:

@@ -6,12 +6,13 @@ newest events.
 
 import asyncio
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
 
+from gateway.ipc.messages import DEFAULT_INTERVAL_S, SELDOM_S
 from gateway.ipc.notes import Note
 
 EVENTS_KEPT: Final = 256
@@ -81,10 +82,19 @@ class Feed:
         self._is_there.set()
 
 
-class Feeds:
-    """All readers; of one event loop."""
+def _hear_nothing(_interval_s: float) -> None:
+    pass
 
-    def __init__(self) -> None:
+
+class Feeds:
+    """All readers; of one event loop.
+
+    ``pace`` is told how often somebody wants a model, in seconds, whenever that changes.
+    """
+
+    def __init__(self, pace: Callable[[float], None] = _hear_nothing) -> None:
+        self._pace = pace
+        self._wanted_s: list[float] = []
         self.model: Mapping[str, Any] | None = None
         """The newest status model; it is replaced, never changed."""
         self._feeds: set[Feed] = set()
@@ -109,6 +119,20 @@ class Feeds:
         self.model = model
         for feed in self._feeds:
             feed.take_model(model)
+
+    @contextmanager
+    def wanting(self, interval_s: float) -> Iterator[None]:
+        """Have models come so often meanwhile: five times a second at most, and once a second in any case."""
+        self._wanted_s.append(interval_s)
+        self._tell_pace()
+        try:
+            yield
+        finally:
+            self._wanted_s.remove(interval_s)
+            self._tell_pace()
+
+    def _tell_pace(self) -> None:
+        self._pace(max(DEFAULT_INTERVAL_S, min((SELDOM_S, *self._wanted_s))))
 
     @contextmanager
     def open(self) -> Iterator[Feed]:

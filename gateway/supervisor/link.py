@@ -9,12 +9,13 @@ from typing import Any, Final
 
 from gateway.ipc.client import NoGatewayError, check_owner
 from gateway.ipc.messages import (
-    DEFAULT_INTERVAL_S,
     MAX_REPLY_BYTES,
+    SELDOM_S,
     Happened,
     Refused,
     Snapshot,
     Subscribe,
+    Subscribed,
     WrongMessageError,
     decode_reply,
     encode,
@@ -54,6 +55,8 @@ class Link:
         self._snapshot_s: float | None = None
         self._said = ""
         self._is_up = False
+        self._interval_s = SELDOM_S
+        self._writer: asyncio.StreamWriter | None = None
 
     @property
     def snapshot_age_s(self) -> float | None:
@@ -64,6 +67,12 @@ class Link:
     def is_up(self) -> bool:
         """Whether the relay is connected."""
         return self._is_up
+
+    def want(self, interval_s: float) -> None:
+        """Have a snapshot so often from now on."""
+        if interval_s != self._interval_s:
+            self._interval_s = interval_s
+            self._subscribe()
 
     async def run(self) -> None:
         """Connect again and again; never returns."""
@@ -77,9 +86,11 @@ class Link:
                 if tries >= QUIET_TRIES:
                     self._lose(f"{self._path}: {error.strerror or error}")
             else:
+                self._writer = writer
                 try:
-                    why = await self._listen(reader, writer)
+                    why = await self._listen(reader)
                 finally:
+                    self._writer = None
                     writer.close()
                 if self._is_up:
                     self._is_up, tries = False, 0
@@ -98,9 +109,13 @@ class Link:
             raise
         return await asyncio.open_unix_connection(sock=connection, limit=MAX_REPLY_BYTES)
 
-    async def _listen(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> str:
+    def _subscribe(self) -> None:
+        if self._writer is not None:
+            self._writer.write(encode(Subscribe(interval_s=self._interval_s)))
+
+    async def _listen(self, reader: asyncio.StreamReader) -> str:
         """Listen until the connection ends; returns why it did."""
-        writer.write(encode(Subscribe(interval_s=DEFAULT_INTERVAL_S)))
+        self._subscribe()
         try:
             while line := await reader.readline():
                 message = decode_reply(line)
@@ -112,6 +127,8 @@ class Link:
                         self._on_event(message)
                     case Refused():
                         return f"the relay refused: {message.reason}"
+                    case Subscribed() if self._is_up:
+                        pass  # to another interval
                     case _:
                         self._is_up, self._said = True, ""
                         self._on_up()

@@ -48,8 +48,8 @@ from gateway.supervisor.tables import Keeper
 from gateway.supervisor.temperatures import Temperatures
 from gateway.supervisor.watching import SLOW_S, Watch, wake_on_change
 
-TICK_S: Final = 1.0
-"""A model comes at least so often, also when the relay says nothing."""
+TICK_S: Final = 1.2
+"""A model comes at least so often, also when the relay says nothing: otherwise it does so before that."""
 RETRY_S: Final = 5.0
 """After this is tried again what could not be done, as with a full disk; no file has to change for it."""
 
@@ -66,14 +66,14 @@ class Supervisor:
     def __init__(
         self, config: Path, state: Path, write: Callable[[Note], None], *, tells_events: bool = False
     ) -> None:
-        self.feeds = Feeds()
+        self._link = Link(socket_path(state), self._reached, self._lost, self._happened, self._publish)
+        self.feeds = Feeds(self._link.want)
         """The status model and the events, for whoever shows them."""
         self._chronicle = Chronicle()
         self._config = config
         self._state = state
         self._write = write
         self._tells_events = tells_events
-        self._link = Link(socket_path(state), self._reached, self._lost, self._happened, self._publish)
         self._keeper = Keeper(config)
         self._watch = Watch()
         self._book = Book()
@@ -91,6 +91,7 @@ class Supervisor:
         self._state_problem: FolderProblem | None = None
         self._rejected: dict[str, str] = {}
         self._waker: asyncio.Task[None] | None = None
+        self._published_s = -TICK_S
         window = Window(
             self.feeds, state, self._settings_of, self.reload, self._say, self._history, self._plan
         )
@@ -153,8 +154,10 @@ class Supervisor:
 
     async def _keep_publishing(self) -> None:
         while True:
-            self._publish()
-            await asyncio.sleep(TICK_S)
+            if (rest_s := self._published_s + TICK_S - time.monotonic()) <= 0.0:
+                self._publish()
+                rest_s = TICK_S
+            await asyncio.sleep(rest_s)
 
     async def _keep_an_eye_on_state(self) -> None:
         """Tell when nothing can be kept in the state folder: else a start would be the first to notice."""
@@ -282,6 +285,7 @@ class Supervisor:
                 self._say(TABLE_MENDED, axis=axis)
 
     def _publish(self) -> None:
+        self._published_s = time.monotonic()
         loaded = self._keeper.loaded
         self.feeds.publish(
             whole_model(

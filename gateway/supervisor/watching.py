@@ -16,7 +16,7 @@ EVERY_S: Final = 1.0
 """Between two looks when nothing tells; what a network file system or a dead watcher needs."""
 SOON_S: Final = 0.1
 """Between two looks while something changes."""
-STEP_MS: Final = 100
+STEP_MS: Final = 250
 """Between two looks of the watcher at what the system has told; each wakes a thread, whether anything has."""
 SLOW_S: Final = 10.0
 """A look that takes longer is worth a word: a file system that does not answer."""

@@ -71,17 +71,22 @@ def test_the_goals_over_tcp_are_judged_on_one_processor() -> None:
     compiled = {"gateway compiled": 20.0}
     judged = series(**names, **compiled, gateway=28.0)
     free = series(**names, **compiled, gateway=50.0)
-    found = [goal.found.estimate for goal in tcp.goals(judged, free) if goal.found is not None]
-    # added: compiled 10, not compiled 18, socat 20, modbus-proxy 100, pymodbus 200
-    assert found == pytest.approx([0.5, 0.1, 0.05, 0.9, 0.18, 0.09])
-    assert tcp.goals(judged, free)[3].remark == "wherever the system puts them: 2.00 [2.00, 2.00]"
+    costs = {
+        "relay in C": [Round(4.0, 4.0, 4.0, 4.0)] * 3,
+        "gateway compiled": [Round(6.0, 6.0, 6.0, 6.0)] * 3,
+    }
+    goals = tcp.goals(judged, free, costs)
+    found = [goal.found.estimate for goal in goals if goal.found is not None]
+    # added: compiled 10, not compiled 18, socat 20, modbus-proxy 100, pymodbus 200; the second is 20 ÷ 30
+    assert found == pytest.approx([0.5, 2 / 3, 1.5, 0.1, 0.05, 0.9, 0.18, 0.09])
+    assert goals[5].remark == "wherever the system puts them: 2.00 [2.00, 2.00]"
 
 
 @pytest.mark.parametrize(
     "name",
     [
         *(hot.EVEN_SMALL, hot.EVEN_LARGE, hot.FREE_SMALL, hot.FREE_LARGE, hot.REWRITING),
-        *(hot.SETPOINT, *hot.WITH_TERMS),
+        *(hot.EXCHANGE, hot.SETPOINT, *hot.WITH_TERMS),
     ],
 )
 def test_the_hot_path_still_prints_the_lines_that_are_judged(name: str) -> None:

@@ -291,8 +291,7 @@ def test_the_repeat_of_a_target_of_before_reads_as_it_was_told_after_a_homing_th
         ACK,  # 10 0606 0002 04 232F 0000: as it came
         RUN,
         HOMED,
-        ACK,  # 03 005C 0001 -> 0110: homed meanwhile
-        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 03 005C 0001 -> 0110: homed meanwhile; nothing else is read, for it keeps its words
     )
     world = play(BY_NAME["p-home-read"], *again)
     assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 23D4 0000")
@@ -625,3 +624,50 @@ def test_a_repeat_of_a_target_that_went_without_a_reference_is_flagged_once_its_
     assert world.is_sending_unsure()
     world.happen(ACK)
     assert world.said(0).direction == "unsure"
+
+
+def test_nothing_is_read_for_a_target_that_keeps_its_words_over_a_new_reference() -> None:
+    """W8: -7003 went as it came, and the drive was homed meanwhile: given again it is the same words."""
+    told = (
+        ("unplug",),
+        REBOOT,
+        ("plug",),
+        HOMED,
+        REBOOT,
+        to(0),
+        ACK,  # 03 005C 0001 -> 0010: not homed
+        HOMED,
+        ACK,  # 10 0606 0002 04 E4A5 FFFF: -7003
+        ARRIVE,
+        to(0),
+        ACK,  # 03 005C 0001 -> 0110: homed
+    )
+    world = play(BY_NAME["s-link-homed"], *told)
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 E4A5 FFFF")
+
+
+def test_a_repeat_over_a_new_reference_that_is_lost_with_the_link_is_kept_over_the_next_loss() -> None:
+    """M4: its drive holds 9172, whether the repeat came or not. It was sent 1:1 (9007) once the reference was
+    lost again, and moved what stood at 9172."""
+    told = (
+        to(1),
+        ACK,  # 03 005C 0001 -> 0110: homed
+        ACK,  # 03 0520 0002 -> 0000 0000
+        ACK,  # 10 0606 0002 04 23D4 0000: 9007 forward
+        to(0),
+        ("unplug",),  # 03 0520 0002, never answered
+        REBOOT,
+        ("plug",),
+        to(1),
+        WAIT,
+        ACK,  # 03 005C 0001 -> 0010: not homed
+        HOMED,
+        ACK,  # 03 005C 0001 -> 0110: homed
+        ("unplug",),  # 10 0606 0002 04 23D4 0000, never answered
+        ("plug",),
+        REBOOT,
+        to(1),
+        ACK,  # 03 005C 0001 -> 0010: not homed
+    )
+    world = play(BY_NAME["s-link-homed"], *told)
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 23D4 0000")

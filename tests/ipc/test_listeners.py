@@ -107,10 +107,24 @@ async def test_a_listener_may_ask_too_and_may_be_silent_for_long(tmp_path: Path)
         ear.writer.write(encode(Ping()))
         while not isinstance(message := await ear.next(), Pong):
             assert isinstance(message, Snapshot)
-        ear.writer.write(encode(SLOW))
-        while isinstance(message, Pong | Snapshot):
-            message = await ear.next()
-        assert message == Refused(reason="subscribed already")
+
+
+async def test_to_subscribe_again_changes_the_interval(tmp_path: Path) -> None:
+    async with serving(tmp_path, Model()) as server, listening(server, SLOW) as ear:
+        assert await ear.next() == Snapshot(status={"number": 1, "ballast": ""})
+        ear.writer.write(encode(Subscribe(interval_s=0.05)))
+        assert await ear.next() == Subscribed(interval_s=0.05)
+        # The second snapshot would have come after a minute, longer than a test waits.
+        assert [message.status["number"] async for message in _snapshots(ear, 3)] == [2, 3, 4]
+
+
+async def test_what_happens_brings_the_next_snapshot_forward(tmp_path: Path) -> None:
+    async with serving(tmp_path, Model()) as server, listening(server, SLOW) as ear:
+        assert await ear.next() == Snapshot(status={"number": 1, "ballast": ""})
+        for number in (7, 8):
+            server.tell(happened(number))
+        assert [await ear.next(), await ear.next()] == [happened(7), happened(8)]
+        assert await ear.next() == Snapshot(status={"number": 2, "ballast": ""})  # one for both
 
 
 async def _snapshots(ear: Ear, count: int) -> AsyncIterator[Snapshot]:

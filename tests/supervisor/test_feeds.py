@@ -45,6 +45,17 @@ async def test_whoever_comes_later_gets_the_model_there_is_and_can_look_at_what_
     feeds.publish({"a": 2})  # nobody reads any more
 
 
+def test_models_come_as_often_as_the_most_curious_wants_them() -> None:
+    told: list[float] = []
+    feeds = Feeds(told.append)
+    with feeds.wanting(0.5):
+        with feeds.wanting(0.05):
+            assert told == [0.5, 0.2]  # five times a second at most
+        with feeds.wanting(0.5), feeds.wanting(3600.0):
+            pass
+    assert told[2:] == [0.5, 0.5, 0.5, 0.5, 0.5, 1.0]  # and once a second in any case
+
+
 def test_an_event_as_data_has_its_own_fields_beside_what_all_have() -> None:
     feeds = Feeds()
     feeds.tell(note(7))

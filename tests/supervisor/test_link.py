@@ -91,6 +91,18 @@ async def test_the_newest_snapshot_stays_when_the_relay_is_lost_and_says_so(tmp_
         assert heard.ups == 2
 
 
+async def test_who_wants_snapshots_more_often_gets_them_over_the_same_connection(tmp_path: Path) -> None:
+    async with linked(tmp_path) as (link, heard), relay(tmp_path) as server:
+        await until(lambda: heard.snapshots == 1)
+        link.want(0.05)
+        [session] = server._clients.sessions
+        before = asyncio.get_running_loop().time()
+        await until(lambda: heard.snapshots == 6)
+        assert asyncio.get_running_loop().time() - before < 4.0  # five of those that come each second
+        assert server._clients.sessions == {session}
+        assert (heard.ups, heard.lost) == (1, [])
+
+
 async def test_a_relay_that_is_not_there_yet_is_waited_for_without_a_word(tmp_path: Path) -> None:
     async with linked(tmp_path) as (link, heard):
         await asyncio.sleep(0)

@@ -774,9 +774,22 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if axis.run is not None and axis.run.is_recalled:
             _judge_record(world, number)
         _recall_stop(world, number)
+        _note_moved_away(world, number)
     if is_read and world.design.judges_proof:
         _note_proof(world, wire)
     facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
+
+
+def _note_moved_away(world: "World", number: int) -> None:
+    """A referenced axis that is seen elsewhere was moved by somebody: nothing is a repeat any more (M4)."""
+    axis, plan = world.state.axes[number], world.design.plans[number]
+    held, said = axis.held, world.said(number)
+    if held is None or said.compensation in PASSING:
+        return
+    if abs(axis.stands_counts - held.end_counts) > plan.settings.max_correction_counts:
+        axes = list(world.state.axes)
+        axes[number] = axis._replace(held=None)
+        world.state = world.state._replace(axes=tuple(axes))
 
 
 def forget_stop(world: "World", number: int) -> None:

@@ -553,6 +553,13 @@ class AxisState:
             self.compensation.again(),
         )
 
+    def retained_as(self, number: int, nominal_words: bytes) -> Retained | None:
+        """The target of before the reference changed, where these words are it again."""
+        retained = self.retained if self.whereabouts is Whereabouts.RETAINED else None
+        if retained is None or (retained.number, retained.nominal_words) != (number, nominal_words):
+            return None
+        return retained
+
     # --- what is read of it ----------------------------------------------------------------------------
 
     def nominal_words(self, field_: PositionField, words: bytes, readback: Readback) -> bytes:

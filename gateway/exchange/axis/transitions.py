@@ -726,6 +726,10 @@ class Axis(AxisState):
 
     def leave_run_unproven(self, rendering: Rendering, now_ns: int) -> None:
         """A trigger was not acknowledged: the drive holds its target, and may be going there or not."""
+        retained = self.retained_as(rendering.number, rendering.nominal_words)
+        if retained is not None and not rendering.is_distance:
+            self._send_off(now_ns)  # its repeat is the same words all the same
+            return
         unproven, before = self.unproven, self.unproven or self.compensation.accepted
         self.displace(now_ns)
         if rendering.move is None:

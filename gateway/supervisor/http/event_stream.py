@@ -58,7 +58,8 @@ class EventStream:
         status_due_s = time.monotonic()
         heartbeat_due_s = status_due_s + self._limits.heartbeat_s
         model: Mapping[str, Any] | None = None
-        with self._feeds.open() as feed:
+        pace_s = self._limits.status_every_s if wish.wants_status else self._limits.heartbeat_s
+        with self._feeds.wanting(pace_s), self._feeds.open() as feed:
             yield b"retry: %d\n\n" % RETRY_MS + self._recent(wish)
             while True:
                 due_s = heartbeat_due_s if model is None else min(status_due_s, heartbeat_due_s)

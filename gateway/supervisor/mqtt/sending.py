@@ -116,11 +116,11 @@ class Sender:
             self._say(MQTT_TOPICS_NOT_NOTED, detail=detail)
 
     async def _send_moving(self, model: Payload) -> None:
-        for topic, place in moving_topics(self._settings.topics, model).items():
-            # Looked up here, not before the loop: a slow broker gets what is so when it is its turn.
-            newest = self._outbox.model
-            if newest is not None and (payload := moving_message(newest, place)) is not None:
-                await self._publish(topic, encode(payload))
+        # All at once: one after the other each would cost some turns of the loop.
+        moving = moving_topics(self._settings.topics, model).items()
+        payloads = [(topic, moving_message(model, place)) for topic, place in moving]
+        wanted = [(topic, encode(payload)) for topic, payload in payloads if payload is not None]
+        await asyncio.gather(*(self._publish(topic, payload) for topic, payload in wanted))
 
     async def _publish(self, topic: str, payload: bytes, *, qos: int = 0, retain: bool = False) -> None:
         await self._client.publish(topic, payload, qos=qos, retain=retain)

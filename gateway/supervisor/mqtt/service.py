@@ -91,7 +91,8 @@ class MqttService:
         publishing = asyncio.create_task(self.publisher.run())
         changing = asyncio.create_task(self._is_changed.wait())
         try:
-            await asyncio.wait((publishing, changing), return_when=asyncio.FIRST_COMPLETED)
+            with self._feeds.wanting(settings.interval_s):
+                await asyncio.wait((publishing, changing), return_when=asyncio.FIRST_COMPLETED)
             if publishing.done():
                 publishing.result()  # a bug: it ends only when it is told to
             await self.publisher.finish_commands()
