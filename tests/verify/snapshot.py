@@ -118,11 +118,7 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "_steady_map": lambda each: each.is_steady,
     "_last_byte_ns": lambda each: each._buffer,
     "_last_ns": lambda each: each._cut is not None and each._cut.state is Cut.BEGUN,
-    "_cut": lambda each: (
-        each._cut is not None and not (isinstance(each, RequestCutter) and each._cut.is_over)
-    ),
     "_now_ns": lambda each: not isinstance(each, RequestCutter | ReplyCutter),
-    "_transaction": lambda each: each._transaction is not None and each._transaction.phase is Phase.SENT,
 }
 """Attributes that count only while something else holds; else they are taken for nothing."""
 ONLY_OF_A_RECORD: Final = ("_way",)

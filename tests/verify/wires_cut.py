@@ -196,6 +196,16 @@ class CutSide(RtuSide):
         self.ports[port].closed("", now_ns)
         self.open_port(port, now_ns)
 
+    def drop_what_is_over(self) -> None:
+        """Let go of frames that have ended: nothing is asked of them any more, and states need not differ."""
+        for port in self.ports:
+            if port._cutter._cut is not None and port._cutter._cut.is_over:
+                port._cutter._cut = None
+        assert self.line.cuts is not None
+        reply = self.line.cuts.reply
+        if reply._transaction is not None and reply._transaction.phase is not Phase.SENT:
+            reply._transaction = reply._cut = reply._judge = None
+
     def cut_off(self, now_ns: int) -> None:
         """The way to the drives is lost."""
         self.door.now_ns = now_ns
@@ -266,6 +276,7 @@ class CutWorld(RtuWorld):
         axes = self._axes() if may_be_untouched else ()
         pipe.ends.clear()
         super().happen(event)
+        self._cut_side.drop_what_is_over()
         ends = tuple(pipe.ends)
         pipe.ends.clear()
         if self.is_leaving is not bool(pipe.leaving):
