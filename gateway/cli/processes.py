@@ -1,6 +1,5 @@
 """Relay and supervisor as programs: how each is started, and both together in the foreground."""
 
-import contextlib
 import os
 import select
 import signal
@@ -8,7 +7,7 @@ import subprocess
 import sys
 import sysconfig
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
@@ -17,7 +16,7 @@ import typer
 import gateway
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.process_events import RELAY_ENDED, SUPERVISOR_ENDED, SUPERVISOR_STARTED
-from gateway.ipc.children import GO, HELD_BACK, READY, RELOADS
+from gateway.ipc.children import HELD_BACK, READY, RELOADS
 from gateway.ipc.notes import LogFormat, Note, note_of
 from gateway.ipc.state_folder import StateError, state_folder
 
@@ -60,26 +59,8 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join((folder, others) if others else (folder,))}
 
 
-@contextlib.contextmanager
-def held_relay(relay: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
-    """Start a relay that loads its program and waits for :func:`run_both`; without that it ends.
-
-    It takes as long to load as a configuration takes to be read, which may go on meanwhile.
-    """
-    process = _started([*relay, "--held"], stdin=subprocess.PIPE)
-    try:
-        yield process
-    finally:
-        if process.poll() is None:  # what it was to run is not there
-            process.kill()
-            process.wait()
-        assert process.stdin is not None
-        with contextlib.suppress(OSError):  # it ended before it was let go
-            process.stdin.close()
-
-
-def run_both(relay: "subprocess.Popen[bytes]", supervisor: list[str], write: Callable[[Note], None]) -> int:
-    """Run both until SIGTERM, SIGINT or the end of the relay, which is let go here; returns the exit code.
+def run_both(relay: list[str], supervisor: list[str], write: Callable[[Note], None]) -> int:
+    """Run both until SIGTERM, SIGINT or the end of the relay; returns the exit code.
 
     SIGHUP is passed on to the supervisor, which reads the tables anew. They write into the same log;
     ``write`` is for what is said here, and may block. A supervisor that ends is started again, later each
@@ -108,12 +89,12 @@ def _unless_full(write: Callable[[Note], None]) -> Callable[[Note], None]:
     return write_or_drop
 
 
-def _started(command: list[str], stdin: int = subprocess.DEVNULL) -> "subprocess.Popen[bytes]":
+def _started(command: list[str]) -> "subprocess.Popen[bytes]":
     """Start a program in a process group of its own: Ctrl-C on the terminal reaches it through us only."""
     return subprocess.Popen(  # noqa: S603 - our own interpreter
         [*command, "--parent", str(os.getpid())],
         process_group=0,
-        stdin=stdin,
+        stdin=subprocess.DEVNULL,
         env=_environment(),
     )
 
@@ -121,12 +102,10 @@ def _started(command: list[str], stdin: int = subprocess.DEVNULL) -> "subprocess
 class _Pair:
     """The two processes, from the start of the first to the end of the last."""
 
-    def __init__(
-        self, relay: "subprocess.Popen[bytes]", supervisor: list[str], write: Callable[[Note], None]
-    ) -> None:
+    def __init__(self, relay: list[str], supervisor: list[str], write: Callable[[Note], None]) -> None:
         self._write = write
         self._supervisor_command = supervisor
-        self._relay = relay
+        self._relay = _started(relay)
         self._supervisor: subprocess.Popen[bytes] | None = None
         self._is_relay_ready = False
         self._supervisor_since_s = time.monotonic()
@@ -134,9 +113,6 @@ class _Pair:
         self._is_stopping = False
 
     def run(self) -> int:
-        assert self._relay.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # it has ended, which is told below
-            os.write(self._relay.stdin.fileno(), GO)
         while self._relay.poll() is None:
             if self._is_relay_ready and not self._is_stopping:
                 self._look_after_supervisor()

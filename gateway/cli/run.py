@@ -38,12 +38,14 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
 
         pitch-gateway run gateway.toml --log-format json 2> gateway.log
     """
-    from gateway.cli.processes import command_of, held_relay, run_both
+    from gateway.cli.processes import command_of, run_both
     from gateway.ipc.notes import note_writer
 
-    relay_command = command_of("gateway.relay", config, log_format, "--status-every", str(status_every))
-    with held_relay(relay_command) as relay:
-        compile_for_start_or_exit(config)
-        code = run_both(relay, command_of("gateway.supervisor", config, log_format), note_writer(log_format))
+    compile_for_start_or_exit(config)
+    code = run_both(
+        command_of("gateway.relay", config, log_format, "--status-every", str(status_every)),
+        command_of("gateway.supervisor", config, log_format),
+        note_writer(log_format),
+    )
     if code:
         raise typer.Exit(code)

@@ -10,8 +10,6 @@ PR_SET_PDEATHSIG: Final = 1
 """``prctl(2)``: the signal that a process gets when its parent has ended."""
 READY: Final = signal.SIGUSR1
 """What a child sends to its parent when it has begun its work."""
-GO: Final = b"!"
-"""What a child that is held reads from its standard input when it may begin."""
 RELOADS: Final = signal.SIGHUP
 """Has the supervisor read the tables anew; a terminal that is closed sends it, too."""
 HELD_BACK: Final = frozenset({signal.SIGTERM, signal.SIGINT, signal.SIGCHLD, RELOADS, READY})
@@ -32,12 +30,6 @@ def follow_parent(parent_pid: int, number: signal.Signals) -> None:
         return
     ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, int(number), 0, 0, 0)
     if os.getppid() != parent_pid:
-        sys.exit(1)
-
-
-def wait_for_parent() -> None:
-    """Wait until the parent says :data:`GO`; where it ended without a word, so does this process."""
-    if os.read(0, len(GO)) != GO:
         sys.exit(1)
 
 

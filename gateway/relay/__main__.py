@@ -11,7 +11,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from gateway.ipc.children import follow_parent, tell_parent, wait_for_parent
+from gateway.ipc.children import follow_parent, tell_parent
 from gateway.ipc.compiled_plan import read_plan
 from gateway.ipc.notes import LogFormat, note_writer
 from gateway.ipc.service_manager import handed_over, manager_of
@@ -28,8 +28,6 @@ def main() -> int:
 
     gc.enable()
     follow_parent(options.parent, signal.SIGTERM)
-    if options.held:
-        wait_for_parent()
     config: Path = options.config
     service = None
     if not options.parent:  # a child of run is no service of its own
@@ -62,7 +60,6 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--log-format", type=LogFormat, default=LogFormat.AUTO)
     parser.add_argument("--status-every", type=float, default=0.0)
     parser.add_argument("--parent", type=int, default=0, help="process to end with")
-    parser.add_argument("--held", action="store_true", help="wait for the parent's word")
     return parser.parse_args()
 
 

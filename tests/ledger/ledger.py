@@ -19,9 +19,9 @@ truly did and when. It takes nothing from the exchange. What it demands (numbers
   measured. A distance counts from the nominal place of its base (M5) and may round by one count. The same
   target again is the same words (M4).
 - *Either branch* is accepted, and counted as ``ambiguous``, where the drive stands between what both
-  branches make of the target, or passed it between the reading that the gateway asked for, or that came as it
-  decided, and the command (at most 250 ms), or while a slow drive did not take it; and counted as ``unsure``
-  where the gateway asked for the position and was not told. Both must stay a small share.
+  branches make of the target, or passed it between the reading that the gateway asked for, or its decision by
+  one of a moment before, and the command (at most 250 ms), or while a slow drive did not take it; counted as
+  ``unsure`` where the gateway asked for the position and was not told. Both must stay a small share.
 - *Readings.* A settled axis whose run was acknowledged reads exactly what was commanded. All others read
   between what the branches make of them, widened by the difference that the present motion may still be
   fading out. An acknowledged target reads back as it was written. All other words are those of the drive.
@@ -264,6 +264,9 @@ class Ledger:
         """A stop that waits goes before everything else (M3)."""
         stops = [r for c in self.controllers if c.may_write for r in c.pending if r.is_stop]
         if any((r.unit, r.pdu) == (frame.unit, frame.pdu) for r in stops):
+            for controller in self.controllers:
+                for request in controller.pending:  # what a stop goes before begins anew, and may look again
+                    request.restaged = 0
             return
         # The same again, which its drive did not answer, lets the others have an exchange between; one that
         # goes once more itself waits for the silence.

@@ -81,7 +81,7 @@ class Witness:
         self._told: tuple[int, int] | None = None
         """Instant and count of the last position."""
         self._sample: tuple[int, int] | None = None
-        """The same, if the gateway asked for it, or decided by it as it came."""
+        """The same, if the gateway asked for it, or decided by it; of an older one when and where it did."""
         self._continuity = Continuity()
         self._begun_faded = self.faded
         """The same when the present motion began."""
@@ -338,9 +338,17 @@ class Witness:
         self.reading_failed = False
 
     def decides(self) -> None:
-        """Note that a branch is decided now: what came just now is as good as what was asked for."""
-        if self._told is not None and self._told[0] == self._clock.now_ns:
+        """Note that a branch is decided now: what came just now is as good as what was asked for.
+
+        What came a moment before says on which side of its target the axis is, if it still is there.
+        """
+        now_ns = self._clock.now_ns
+        if self._told is None or now_ns - self._told[0] > SAMPLE_MS * MS:
+            return
+        if self._told[0] == now_ns:
             self._sample = self._told
+        elif self._sample is None:
+            self._sample = now_ns, self.drive.motor.at(now_ns)
 
     def check_reading(self, corrected: int, read: dict[int, int], *, is_standing: bool, faded: float) -> None:
         """Judge what the controller was told of a position.
