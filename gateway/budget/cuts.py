@@ -45,7 +45,7 @@ def lead_of(shape: Shape, in_ns: int, out_ns: int) -> Lead:
     """Return how a frame leaves between two wires with so long characters, as ``MeasuredLead`` would have it.
 
     >>> lead_of(write_shape(2, 0, 2), 1_145_833, 1_145_833)  # both at 9 600 baud, 8E1
-    Lead(lead_ns=4833332, saves_ns=10062497)
+    Lead(lead_ns=4783332, saves_ns=10112497)
     """
     after_ns = lead_ns(shape, in_ns, out_ns) + MARGIN_NS
     saves_ns = stored_ns(shape, in_ns) - after_ns

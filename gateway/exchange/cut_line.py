@@ -18,14 +18,13 @@ from gateway.exchange.cut_requests import WRITE, Heads, RequestJudge, beginning_
 from gateway.exchange.cut_through import CUT_AFTER, Cut, CutThrough, Pace, Turn
 from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import ReadPath, WritePath
-from gateway.exchange.leads import CRC_BYTES, MARGIN_NS, REMEMBERED, MeasuredLead, Piece
+from gateway.exchange.leads import CRC_BYTES, GUARD_NS, REMEMBERED, MeasuredLead, Piece
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import FastPath, Phase, Transaction
 from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
 from gateway.modbus.rtu_line import pause_ns
 from gateway.times import NS_PER_MS
 
-GUARD_NS: Final = MARGIN_NS // 2
 SPOILT_SILENCES: Final = 3
 """So many silences follow a spoilt frame: whoever cannot tell its length has to see where it ended."""
 WASTED: Final = frozenset({Turn.UNFIT, Turn.REFUSED, Turn.CHANGED, Turn.STALLED, Turn.ANEW, Turn.MET})

@@ -147,8 +147,15 @@ def needed_ns(shape: Shape, pieces: Sequence[Piece], out_ns: int) -> int:
     return most_ns
 
 
-MARGIN_NS: Final = 250_000
-"""What a timer, a turn of the loop and a write take on a quiet machine: nobody sees it in what came."""
+GUARD_NS: Final = 125_000
+"""So long before the transmitter is empty a frame that stalls is filled up. It is what the timer that rings
+then, a turn of the loop and a write may take together: nobody sees that in what came, so nothing teaches it.
+"""
+LATER_NS: Final = 75_000
+"""So much later than the latest that was seen, and half of what they differed by, bytes may come. Less than
+the guard, because a frame whose bytes come later still is spoilt, and one whose guard rings later is torn."""
+MARGIN_NS: Final = GUARD_NS + LATER_NS
+"""So much longer the first byte of a frame waits than the frames before it needed."""
 LEARNED_AFTER: Final = 32
 """Frames of a shape that are stored before the first one may leave early: nobody knows the port before."""
 REMEMBERED: Final = 256

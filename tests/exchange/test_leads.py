@@ -246,7 +246,7 @@ def test_a_port_whose_needs_leave_no_gain_stores_and_cuts_through_again_when_the
         (19200, 0, WRITE, ACKNOWLEDGEMENT, 0.40),
         (19200, 0, READ, POSITION_AND_STATUS, 0.40),
         (38400, MS, WRITE, ACKNOWLEDGEMENT, 0.60),
-        (38400, MS, READ, POSITION_AND_STATUS, 0.62),
+        (38400, MS, READ, POSITION_AND_STATUS, 0.60),
     ],
 )
 def test_what_is_added_with_the_margin_of_a_measured_port(
