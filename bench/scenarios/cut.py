@@ -1,4 +1,4 @@
-"""Cut-through between two serial wires, in simulated time: what is added, and what is torn."""
+"""Cut-through between two serial wires, in simulated time and in real: what is added, and what is torn."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,6 +10,7 @@ from bench.cut_line import Found, Way, shares
 from bench.cut_line import run as run_way
 from bench.figures import Interval
 from bench.results import Goal, Section, Table
+from bench.scenarios import cut_ptys
 from gateway.simulator.pacing import Adapter
 
 TITLE: Final = "Cut-through between two serial wires"
@@ -57,6 +58,7 @@ def run(bench: Bench) -> Section:
     columns = ("", "stored, write", "stored, read", "cut through, write", "cut through, read")
     section.tables.append(Table(columns, tuple(rows), "Added ÷ one direct round trip."))
     section.goals += _busy(bench)
+    cut_ptys.add_to(section, bench)
     return section
 
 
