@@ -28,6 +28,7 @@ class LineSetup:
     drive_tty: str | None = None
     axes: int = 1
     baudrate: int = 115200
+    cuts_through: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,8 @@ def _line_text(name: str, line: LineSetup) -> str:
         if line.drive_tty
         else f'{{ tcp = "127.0.0.1:{line.drive_port}" }}'
     )
-    text = [f"[line.{name}]", f"drives = {drives}", ""]
+    text = [f"[line.{name}]", f"drives = {drives}"]
+    text += ["cut_through = true", ""] if line.cuts_through else [""]
     for number, controller in enumerate(line.controllers, start=1):
         text += [f"[[line.{name}.controllers]]", f'name = "cnc{number}"']
         text += [f'rtu = "{controller.tty}"', serial] if controller.tty else []

@@ -22,7 +22,7 @@ from bench.measuring import Meter
 from bench.places import BENCH, BUILD, CHART, NOTES, RESULTS
 from bench.processes import stop_on_signals
 from bench.results import Goal, Section
-from bench.scenarios import hot, load, memory, period, rtu, scale, supervisor, tcp, wire
+from bench.scenarios import cut, hot, load, memory, period, rtu, scale, supervisor, tcp, wire
 
 SCENARIOS: Final[dict[str, Callable[[Bench], Section]]] = {
     "hot": hot.run,
@@ -30,6 +30,7 @@ SCENARIOS: Final[dict[str, Callable[[Bench], Section]]] = {
     "rtu": rtu.run_rtu,
     "tcp-rtu": rtu.run_mixed,
     "wire": wire.run,
+    "cut": cut.run,
     "period": period.run,
     "memory": memory.run,
     "scale": scale.run,

@@ -20,7 +20,7 @@ from gateway.catalogue.troubles import HIDES, TROUBLES
 from gateway.cli.drives_output import markdown_lines
 from gateway.config.reference.tables import TABLES, rows
 from gateway.relay.status_unit import BLOCKS
-from tools import state_machine
+from tools import state_machine, time_lines
 from tools.diagram import LayoutError
 from tools.markers import filled, table
 
@@ -198,7 +198,8 @@ def documents() -> Mapping[Path, str]:
         LayoutError: a picture cannot be drawn.
     """
     pages = {path: filled(path.read_text(encoding="utf-8"), part) for path in sorted(DOCUMENTS.rglob("*.md"))}
-    drawn = {DOCUMENTS / "pictures" / name: text for name, text in state_machine.pictures().items()}
+    pictures = {**state_machine.pictures(), "cut-through.svg": time_lines.picture()}
+    drawn = {DOCUMENTS / "pictures" / name: text for name, text in pictures.items()}
     return pages | drawn
 
 

@@ -36,9 +36,12 @@ GROUPS: Final[Mapping[str, frozenset[Whereabouts]]] = {
 STEPS: Final[Mapping[tuple[Phase, Phase], str]] = {
     (Phase.WAITING, Phase.PREREQUISITE): "leave",
     (Phase.WAITING, Phase.SENT): "leave",
+    (Phase.LEAVING, Phase.SENT): "leave",
+    (Phase.WAITING, Phase.LEAVING): "lead",
     (Phase.PREREQUISITE, Phase.WAITING): "learn",
     (Phase.WAITING, Phase.ENDED): "end",
     (Phase.PREREQUISITE, Phase.ENDED): "end",
+    (Phase.LEAVING, Phase.ENDED): "end",
     (Phase.SENT, Phase.ENDED): "end",
 }
 """The method of ``Transaction`` that takes each step which ``PHASE_AFTER`` allows."""
@@ -116,10 +119,11 @@ PHASES_LAYOUT: Final = Layout(
     "state-machine-phases.svg",
     "The phases of a transaction, and how it may end in each",
     900,
-    310,
+    390,
     nodes={
         "waiting": (110, 170),
         "prerequisite": (400, 60),
+        "leaving": (400, 300),
         "sent": (400, 170),
         "ended": (800, 170),
     },
@@ -129,7 +133,10 @@ PHASES_LAYOUT: Final = Layout(
         ("waiting", "sent"): Route(((180, 170), (330, 170)), (255, 163), "middle"),
         ("sent", "ended"): Route(((470, 170), (730, 170)), (600, 189), "middle", is_stacked=True),
         ("prerequisite", "ended"): Route(((470, 60), (800, 60), (800, 150)), (640, 53), "middle"),
-        ("waiting", "ended"): Route(((110, 190), (110, 285), (800, 285), (800, 190)), (300, 278), "middle"),
+        ("waiting", "leaving"): Route(((130, 190), (130, 300), (330, 300)), (230, 293), "middle"),
+        ("leaving", "sent"): Route(((400, 280), (400, 190)), (408, 240)),
+        ("leaving", "ended"): Route(((470, 300), (780, 300), (780, 190)), (640, 293), "middle"),
+        ("waiting", "ended"): Route(((90, 190), (90, 365), (800, 365), (800, 190)), (300, 358), "middle"),
     },
 )
 

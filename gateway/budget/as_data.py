@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget
+from gateway.budget.line import ControllerBudget, CutBudget, ExchangeBudget, LineBudget
 from gateway.budget.remedies import Remedy
 from gateway.budget.verdict import Judgement
 from gateway.budget.wire import Wire
@@ -62,6 +62,7 @@ def _controller_data(line: LineBudget, controller: ControllerBudget) -> dict[str
             "total_ms": _ms(cycle.total_ns),
             "direct_ms": _ms(cycle.direct_ns),
             "added_frames_ms": _ms(cycle.added_ns),
+            "cut_through_ms": _ms(cycle.cut_ns),
         },
         "behind_others_ms": _ms(line.longest_other_ns(controller.index)),
     }
@@ -86,12 +87,25 @@ def _exchange_data(controller: ControllerBudget, exchange: ExchangeBudget) -> di
             "silence": _ms(legs.silence_ns),
             "gateway_to_controller": _ms(legs.reply_out_ns),
         },
+        "cut_through": None if exchange.cut is None else _cut_data(exchange.cut),
         "total_ms": _ms(legs.total_ns),
         "waited_ms": _ms(legs.waited_ns),
         "direct_ms": _ms(exchange.direct.total_ns),
         "direct_waited_ms": _ms(exchange.direct.waited_ns),
         "added_frames_ms": _ms(exchange.added_ns),
         "timeout_share": round(legs.waited_ns / controller.timeout_ns, 4),
+    }
+
+
+def _cut_data(cut: CutBudget) -> dict[str, Any]:
+    request, reply = cut.leads
+    return {
+        "request_lead_ms": _ms(request.lead_ns),
+        "request_saves_ms": _ms(request.saves_ns),
+        "reply_lead_ms": _ms(reply.lead_ns),
+        "reply_saves_ms": _ms(reply.saves_ns),
+        "total_ms": _ms(cut.legs.total_ns),
+        "waited_ms": _ms(cut.legs.waited_ns),
     }
 
 

@@ -3,16 +3,19 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from gateway.budget.cuts import Lead
 from gateway.budget.frames import Frame
 from gateway.budget.sequence import AS_MAPPED, Added, Blocks, Step, Why, added_of, round_of
 from gateway.budget.timing import (
     Direct,
     Legs,
     Route,
+    cut_through,
     direct_of,
     direct_round_ns,
     drive_side_ns,
     in_round,
+    leads_of,
     legs_of,
     round_ns,
 )
@@ -23,6 +26,23 @@ from gateway.times import NS_PER_MS, US_PER_MS
 
 BROADCAST = Frame(5, 0)
 """One register for all drives."""
+
+
+@dataclass(frozen=True, slots=True)
+class CutBudget:
+    """One exchange of a round whose frames leave while they arrive.
+
+    No limit is held against it: whatever is not as usual is stored, and takes the time of that.
+    """
+
+    leads: tuple[Lead, Lead]
+    """Of request and reply."""
+    legs: Legs
+
+    @property
+    def saves_ns(self) -> int:
+        """How much sooner it is over than stored; 0: it is not worth it."""
+        return sum(lead.saves_ns for lead in self.leads)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +58,8 @@ class ExchangeBudget:
     least_ns: int
     """What it waits on a quiet line with a gateway that takes no time: what nothing saves but the wires."""
     direct: Direct
+    cut: "CutBudget | None"
+    """The same cut through, whether the line does that or not; None: it is always stored."""
     added_ns: int
     """What frames of the gateway's own can hold it up by (W8); not in ``legs``."""
 
@@ -54,6 +76,8 @@ class RoundBudget:
     total_ns: int
     direct_ns: int
     added_ns: int
+    cut_ns: int
+    """With everything cut through that may be; ``total_ns`` where nothing may."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +194,7 @@ def _controller_budget(
             total_ns=round_ns(route, [each.legs for each in exchanges]),
             direct_ns=direct_round_ns(route, [each.direct for each in exchanges]),
             added_ns=sum(each.added_ns for each in exchanges),
+            cut_ns=round_ns(route, [each.cut.legs if each.cut else each.legs for each in exchanges]),
         ),
     )
 
@@ -192,12 +217,28 @@ def _exchange_budgets(
             legs=legs,
             least_ns=fastest.waited_ns,
             direct=direct_of(route, step.frame, legs.drive_ns),
+            cut=cut,
             added_ns=_held_up_ns(
                 [each for each in added if (each.added.axis, each.added.before) == (step.axis, step.what)]
             ),
         )
-        for step, legs, fastest in zip(steps, in_round(route, quiet), at_once, strict=True)
+        for step, legs, fastest, cut in zip(
+            steps, in_round(route, quiet), at_once, _cuts(route, steps, quiet), strict=True
+        )
     )
+
+
+def _cuts(route: Route, steps: Sequence[Step], quiet: Sequence[Legs]) -> list[CutBudget | None]:
+    """Return the exchanges of a round in which all is cut through that may be."""
+    leads = [leads_of(route, step.shapes) for step in steps]
+    early = [
+        legs if lead is None else cut_through(route, legs, *lead)
+        for legs, lead in zip(quiet, leads, strict=True)
+    ]
+    return [
+        None if lead is None else CutBudget(lead, legs)
+        for lead, legs in zip(leads, in_round(route, early), strict=True)
+    ]
 
 
 def _gateway_ns(axis: AxisPlan | None) -> int:

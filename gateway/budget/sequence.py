@@ -5,10 +5,11 @@ A round of an axis is: its target, its trigger where the drive waits for one, it
 blocks are told so with :class:`Blocks`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
+from gateway.budget.cuts import Shapes, position_shapes, registers_shapes, target_shapes
 from gateway.budget.frames import READ_BIT, WRITE_WORD, Frame, read_frame, write_frames
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Addressing, Form, TriggerPlan
@@ -55,6 +56,8 @@ class Step:
     """"" on a line without axes."""
     what: What
     frame: Frame
+    shapes: Shapes | None = None
+    """Of frames that may be cut through; None: they are stored on every line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,20 +76,22 @@ def round_of(
     """Return one round over all axes of a line. A controller that may not move only reads."""
     if not axes and blocks.read_registers:
         return (Step("", What.BLOCK, read_frame(Form.FC03, blocks.read_registers)),)
-    return tuple(step for axis in axes for step in _steps(axis, blocks, may_move=may_move))
+    with_rules = {axis.unit_id for axis in axes if axis.has_rules}
+    return tuple(step for axis in axes for step in _steps(axis, blocks, with_rules, may_move=may_move))
 
 
-def _steps(axis: AxisPlan, blocks: Blocks, *, may_move: bool) -> Iterator[Step]:
+def _steps(axis: AxisPlan, blocks: Blocks, with_rules: Collection[int], *, may_move: bool) -> Iterator[Step]:
     if may_move:
         for frame in _target_frames(axis, blocks.target_registers):
-            yield Step(axis.name, What.TARGET, frame)
+            yield Step(axis.name, What.TARGET, frame, _target_shapes(axis, blocks, with_rules))
         trigger = _trigger(axis)
         if trigger is not None:
             yield Step(axis.name, What.TRIGGER, _trigger_frame(axis, trigger))
-    yield Step(axis.name, What.POSITION, _position_frame(axis))
+    yield Step(axis.name, What.POSITION, _position_frame(axis), position_shapes(axis, _position_field(axis)))
     status = _status_frame(axis)
     if status is not None and axis.settings.setpoints is Setpoints.TARGETS:  # a stream does not wait for it
-        yield Step(axis.name, What.STATUS, status)
+        is_word = status is not READ_BIT
+        yield Step(axis.name, What.STATUS, status, registers_shapes(axis, 1) if is_word else None)
     if blocks.read_registers:
         form = axis.reads_with if axis.reads_with is Form.FC04 else Form.FC03
         yield Step(axis.name, What.BLOCK, read_frame(form, blocks.read_registers))
@@ -107,6 +112,14 @@ def _target_frames(axis: AxisPlan, registers: int) -> tuple[Frame, ...]:
     if registers > least:
         return write_frames(Form.MEI if axis.writes_with is Form.MEI else Form.FC16, registers)
     return write_frames(axis.writes_with, least)
+
+
+def _target_shapes(axis: AxisPlan, blocks: Blocks, with_rules: Collection[int]) -> Shapes | None:
+    """Return the shapes of a target. In a block of more registers its position is taken to stand first."""
+    least = least_target_registers(axis)
+    if blocks.target_registers <= least and axis.writes_with is not Form.FC16:
+        return None
+    return target_shapes(axis, max(blocks.target_registers, least), with_rules)
 
 
 def _trigger(axis: AxisPlan) -> TriggerPlan | None:

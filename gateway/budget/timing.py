@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final
 
+from gateway.budget.cuts import Lead, Shapes, lead_of
 from gateway.budget.frames import Frame
 from gateway.budget.wire import Wire
 from gateway.times import NS_PER_MS, US_PER_MS
@@ -66,6 +67,10 @@ class Legs:
     """What is left of the silence that the controller's wire wants between request and reply."""
     reply_out_ns: int
     """Gateway to controller."""
+    request_cut_ns: int = 0
+    """0, or less: so much of the request has left before all of it came."""
+    reply_cut_ns: int = 0
+    """The same of the reply."""
 
     @property
     def total_ns(self) -> int:
@@ -76,6 +81,19 @@ class Legs:
     def waited_ns(self) -> int:
         """From the last byte that the controller sends to the last that it gets: what its time-out sees."""
         return self.total_ns - self.request_in_ns
+
+    @property
+    def arriving_ns(self) -> int:
+        """What passes before the request begins to leave, without the gateway's share and silences."""
+        return self.request_in_ns + self.request_tail_ns + self.request_cut_ns
+
+
+def leads_of(route: Route, shapes: Shapes | None) -> tuple[Lead, Lead] | None:
+    """Return how a request and its reply may be cut through; None: they are stored."""
+    in_ns, out_ns = route.controller.character_ns, route.drives.character_ns
+    if shapes is None or not in_ns or not out_ns:
+        return None
+    return lead_of(shapes.request, in_ns, out_ns), lead_of(shapes.reply, out_ns, in_ns)
 
 
 def legs_of(route: Route, frame: Frame, gateway_ns: int, drive_ns: int = 0) -> Legs:
@@ -97,6 +115,18 @@ def legs_of(route: Route, frame: Frame, gateway_ns: int, drive_ns: int = 0) -> L
         reply_tail_ns=reply_tail_ns,
         silence_ns=max(controller.silence_ns - passed_ns, 0),
         reply_out_ns=controller.frame_ns(frame.reply_bytes),
+    )
+
+
+def cut_through(route: Route, quiet: Legs, request: Lead, reply: Lead) -> Legs:
+    """Return the legs of an exchange on a line that was quiet whose frames leave while they arrive."""
+    passed_ns = quiet.total_ns - quiet.request_in_ns - quiet.silence_ns - quiet.reply_out_ns
+    passed_ns -= request.saves_ns + reply.saves_ns
+    return replace(
+        quiet,
+        silence_ns=max(route.controller.silence_ns - passed_ns, 0),
+        request_cut_ns=-request.saves_ns,
+        reply_cut_ns=-reply.saves_ns,
     )
 
 
@@ -141,14 +171,22 @@ def _one_round(route: Route, quiet: Sequence[Legs], idle_ns: int) -> tuple[tuple
         legs = _after(route, each, idle_ns)
         found.append(legs)
         back_ns = legs.gateway_ns - _there_ns(legs)
-        idle_ns = legs.reply_tail_ns + back_ns + legs.silence_ns + legs.reply_out_ns
+        idle_ns = legs.reply_tail_ns + back_ns + legs.silence_ns + legs.reply_out_ns + legs.reply_cut_ns
         idle_ns += route.controller.silence_ns
     return tuple(found), idle_ns
 
 
 def _after(route: Route, quiet: Legs, idle_ns: int) -> Legs:
-    """Return the legs of an exchange that begins when the drives' wire has been quiet for so long."""
-    ready_ns = idle_ns + quiet.request_in_ns + quiet.request_tail_ns + _there_ns(quiet)
+    """Return the legs of an exchange that begins when the drives' wire has been quiet for so long.
+
+    A request that would have to wait for that silence before it begins to leave is stored.
+    """
+    if quiet.request_cut_ns and idle_ns + quiet.arriving_ns < route.gap_ns:
+        silence_ns = max(quiet.silence_ns + quiet.request_cut_ns, 0)
+        quiet = replace(quiet, request_cut_ns=0, silence_ns=silence_ns)
+    if quiet.request_cut_ns:
+        return quiet
+    ready_ns = idle_ns + quiet.arriving_ns + _there_ns(quiet)
     held_ns = max(route.gap_ns - ready_ns, 0)
     return replace(quiet, gap_ns=held_ns, silence_ns=max(quiet.silence_ns - held_ns, 0))
 

@@ -50,6 +50,7 @@ def judge(plan: LinePlan, blocks: Blocks = AS_MAPPED) -> tuple[Judgement, ...]:
     found = [each for controller in line.controllers for each in _timeouts(plan, controller, blocks)]
     found += (each for axis in plan.axes for each in _deadlines(line, axis))
     found += _starving(plan)
+    found += _cutting(plan, line)
     return tuple(found)
 
 
@@ -238,6 +239,35 @@ def _starving(plan: LinePlan) -> Iterator[Judgement]:
             "this controller then gives up on drives that would answer: set response_timeout_ms and drain_ms "
             f"to what the drives need, together below {limit_ms:g} (as in {EACH * limit_ms:g} each), and "
             "timeout_ms of the other controllers no longer than response_timeout_ms",
+        )
+
+
+# --- cut-through -------------------------------------------------------------------------------------------
+
+
+def _cutting(plan: LinePlan, line: LineBudget) -> Iterator[Judgement]:
+    """Yield why a line that is to be cut through must not be, or would gain nothing by it (W12)."""
+    if not plan.cut_through:
+        return
+    key = ("line", plan.name, "cut_through")
+    careless = [axis.name for axis in plan.axes if not axis.checks_crc]
+    if careless:
+        yield Judgement(
+            Grade.IMPOSSIBLE,
+            key,
+            f"cut_through = true, and the drive of axis {careless[0]} obeys or answers frames with a wrong "
+            "check sum (checks_crc = false)",
+            "a frame that turns out to be bad has left by then and is spoilt by its check sum alone: "
+            "cut_through = false",
+        )
+        return
+    cuts = [exchange.cut for each in line.controllers for exchange in each.exchanges]
+    if not any(cut.saves_ns for cut in cuts if cut is not None):
+        yield Judgement(
+            Grade.CLOSE,
+            key,
+            "cut_through = true, but no frame of a round would be through a character sooner",
+            "take it out; pitch-gateway budget shows what each frame would gain",
         )
 
 

@@ -37,6 +37,11 @@ class Wire:
         """Whether it is a serial port of this machine, whose times are known."""
         return self.baudrate > 0
 
+    @property
+    def character_ns(self) -> int:
+        """What a byte takes; 0 where no wire is known."""
+        return round(self.bits_per_byte * NS_PER_S / self.baudrate) if self.baudrate else 0
+
     def frame_bytes(self, pdu_bytes: int) -> int:
         """Return the bytes of a whole frame."""
         return pdu_bytes + self.overhead_bytes

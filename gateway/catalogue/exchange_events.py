@@ -46,6 +46,17 @@ DRIVE_BACKED_OFF: Final = EventEntry(
     "look at the drive and its wires; it is asked as before with the first frame that comes from it. "
     "`retry_ms` says how often it is tried, and `retry_ms = 0` turns this off",
 )
+CUT_THROUGH_OFF: Final = EventEntry(
+    "cut-through-off",
+    Severity.INFO,
+    "a line with `cut_through` stores frames of a controller, requests or replies, because by what was "
+    "measured they would not leave a character sooner; told once for each, and tried again",
+    "an adapter that hands bytes over in lumps (a latency timer of 16 ms, a FIFO), a slow side in "
+    "front of a fast one, or a machine that is busy with other things",
+    "let the gateway set the latency timer (`low_latency`, see "
+    "[latency settings](#what-a-serial-port-adds-latency-settings)), give the relay `fifo`, or leave "
+    "`cut_through` out; `pitch-gateway budget` shows what the wires alone would allow",
+)
 DRIVE_ANSWERS: Final = EventEntry(
     "drive-answers",
     Severity.INFO,

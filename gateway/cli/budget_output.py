@@ -83,6 +83,7 @@ def _show_controller(
     others_ns = line.longest_other_ns(controller.index)
     if others_ns:
         console.print(f"  an exchange of another controller can come first: up to {ms(others_ns)} more")
+    _show_cut(console, plan, controller)
     _show_remedies(console, plan, controller, blocks)
 
 
@@ -122,6 +123,26 @@ def _row(exchange: ExchangeBudget, timeout_ns: int, *, has_gap: bool) -> list[st
         ms(exchange.direct.total_ns),
         f"[{colour}]{100.0 * share:.1f} %[/]",
     ]
+
+
+def _show_cut(console: Console, plan: LinePlan, controller: ControllerBudget) -> None:
+    """Say what cut-through gains, between two serial ports."""
+    if not (isinstance(plan.drives, SerialEndpoint) and controller.wire.is_serial):
+        return
+    whose = "cut_through = true" if plan.cut_through else "with cut_through = true"
+    found = [(each.step, each.cut) for each in controller.exchanges if each.cut and each.cut.saves_ns]
+    if not found:
+        console.print(f"  {whose} no frame would be through a character sooner")
+        return
+    table = _table()
+    table.add_column(f"  {whose}", overflow="fold")
+    for name in ("request sooner by", "reply sooner by", "sum"):
+        table.add_column(name, justify="right")
+    for step, cut in found:
+        sooner = [ms(lead.saves_ns) if lead.saves_ns else "stored" for lead in cut.leads]
+        table.add_row(f"  {step.axis} {step.what.value}", *sooner, ms(cut.legs.total_ns))
+    table.add_row("  a round", "", "", ms(controller.round.cut_ns))
+    console.print(table)
 
 
 def _show_remedies(console: Console, plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> None:

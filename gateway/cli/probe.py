@@ -42,7 +42,8 @@ def probe(
     Reads the positions and bits that the register maps name, one request at a time and with the silences that
     the drives want: does each drive answer, do the words stand in the right order, is the axis inside its
     travel and its table, do commanded and actual position agree. Behind Modbus/TCP a unit id that nothing is
-    known of is asked too: where it is not answered for, other_units may have to name further devices.
+    known of is asked too: where it is not answered for, other_units may have to name further devices. On a
+    serial line each drive gets one read with a wrong check sum, which it has to pass over in silence.
 
     With --timing each drive is read a hundred times, then fifty times with as little silence before each
     request as it takes; what comes of it for response_timeout_ms, drain_ms and gap_ms is printed, with what
@@ -109,7 +110,7 @@ def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
 
 
 async def _probe(lines: "list[LinePlan]", axis: str | None, problems: list[str]) -> "list[AxisReadings]":
-    from gateway.cli.probing.readings import ask_unused_unit, read_axis
+    from gateway.cli.probing.readings import ask_unused_unit, ask_with_wrong_crc, read_axis
     from gateway.transport.errors import TransportError
     from gateway.transport.framing import endpoint_key
     from gateway.transport.master import ModbusMaster
@@ -123,6 +124,8 @@ async def _probe(lines: "list[LinePlan]", axis: str | None, problems: list[str])
                 of_line = [await read_axis(master, plan) for plan in line.axes if axis in (None, plan.name)]
                 found += of_line
                 await ask_unused_unit(master, line, of_line[0])
+                for each in of_line:
+                    await ask_with_wrong_crc(master.exchange_spoilt, line, each)
         except TransportError as error:
             problems.append(f"line.{line.name}.drives.{endpoint_key(line.drives)}: {error.detail}")
     return found
@@ -182,6 +185,7 @@ def _report(found: "AxisReadings") -> dict[str, Any]:
         "unit_id": found.plan.unit_id,
         "units": found.plan.settings.units.value,
         "answers": found.answers,
+        "on_wrong_crc": None if found.on_wrong_crc is None else found.on_wrong_crc.value,
         "bits": bits,
         "positions": positions,
         "findings": [{"weight": finding.weight.value, "text": finding.text} for finding in findings],

@@ -13,6 +13,8 @@ from gateway.cli.arguments import Config
 
 if TYPE_CHECKING:
     from gateway.ipc.plan import GatewayPlan
+    from gateway.simulator.ears import Hearing
+    from gateway.simulator.wire import Cable
     from gateway.simulator.world import ServedLine
 
 
@@ -30,6 +32,32 @@ def simulate(
             help="Serial bytes and the drives' replies take the time that they really take.",
         ),
     ] = True,
+    latency_timer_ms: Annotated[
+        float,
+        typer.Option(
+            "--latency-timer", min=0.0, help="ms for which the gateway's ports gather, as USB does."
+        ),
+    ] = 0.0,
+    lump_bytes: Annotated[
+        int,
+        typer.Option(
+            "--lump", min=0, show_default="62", help="Bytes that they hand over at once, sooner than that."
+        ),
+    ] = 0,
+    jitter_ms: Annotated[
+        float, typer.Option("--jitter", min=0.0, help="ms by which they hand over later now and then.")
+    ] = 0.0,
+    noise: Annotated[
+        float, typer.Option("--noise", min=0.0, max=1.0, help="Share of serial bytes with noise behind them.")
+    ] = 0.0,
+    hearing: Annotated[
+        str,
+        typer.Option(
+            "--hearing",
+            show_default="whole good frames, wherever they stand",
+            help="What serial drives take for a frame: standard, any-length, merging, no-check.",
+        ),
+    ] = "",
     json_output: Annotated[
         bool, typer.Option("--json", help="Say what is served as one line of JSON.")
     ] = False,
@@ -44,19 +72,29 @@ def simulate(
     controller's port is made too, the controller opens the same path with .controller behind it. Runs until
     Ctrl-C.
 
+    Drives with --hearing standard break frames with a pause of 1.5 characters inside. any-length: they take
+    what is intact, however long. merging: that too, and only 10 ms of silence end it. no-check: whatever its
+    check sum says.
+
     Examples:
         pitch-gateway simulate gateway.toml
         pitch-gateway run gateway.toml            (in a second terminal)
         pitch-gateway simulate gateway.toml --speed-up 20 --seed 7
+        pitch-gateway simulate gateway.toml --latency-timer 16 --hearing standard
     """
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
     from gateway.simulator.errors import SimulatorError
+    from gateway.simulator.pacing import Adapter, WireFaults
+    from gateway.simulator.wire import Cable
 
     try:
+        gathered = {"lump_bytes": lump_bytes} if lump_bytes else {}
+        adapter = Adapter(latency_timer_ms, jitter_ms=jitter_ms, seed=seed, **gathered)
+        cable = Cable(adapter, WireFaults(noise=noise, seed=seed), _hearing(hearing))
         plan = load(config).plan
         _warn_of_what_is_not_played(config, plan)
-        asyncio.run(_serve(plan, speed_up, seed, paced=paced, json_output=json_output))
+        asyncio.run(_serve(plan, speed_up, seed, cable, paced=paced, json_output=json_output))
     except ConfigErrors as errors:
         typer.echo(str(errors), err=True)
         raise typer.Exit(1) from None
@@ -81,7 +119,19 @@ def _warn_of_what_is_not_played(config: Path, plan: "GatewayPlan") -> None:
         )
 
 
-async def _serve(plan: "GatewayPlan", speed_up: float, seed: int, *, paced: bool, json_output: bool) -> None:
+def _hearing(name: str) -> "Hearing | None":
+    from gateway.simulator.ears import Hearing
+    from gateway.simulator.errors import SimulatorError
+
+    kinds = {kind.value: kind for kind in Hearing}
+    if name and name not in kinds:
+        raise SimulatorError(f"--hearing {name}: it must be one of {', '.join(kinds)}")
+    return kinds.get(name)
+
+
+async def _serve(
+    plan: "GatewayPlan", speed_up: float, seed: int, cable: "Cable", *, paced: bool, json_output: bool
+) -> None:
     from gateway.simulator.clock import scaled_clock
     from gateway.simulator.world import World
 
@@ -89,7 +139,7 @@ async def _serve(plan: "GatewayPlan", speed_up: float, seed: int, *, paced: bool
     loop = asyncio.get_running_loop()
     for signal_number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(signal_number, ended.set)
-    async with World(plan, scaled_clock(speed_up), seed=seed, paced=paced) as world:
+    async with World(plan, scaled_clock(speed_up), seed=seed, paced=paced, cable=cable) as world:
         lines = [asdict(line) for line in world.served]
         if json_output:
             typer.echo(json.dumps({"event": "serving", "lines": lines, "speed_up": speed_up, "seed": seed}))

@@ -76,6 +76,7 @@ def line_plan(
         ),
         other_units=_other_units(line, {axis.unit_id for axis in axes.values()}),
         answers_as=line.answers_as,
+        cut_through=line.cut_through,
         tape_bytes=sections.capture.tape_bytes,
         groups=tuple(group.axes for group in sections.groups.values() if set(group.axes) <= set(axes)),
     )
@@ -158,6 +159,7 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         max_registers=registers.max_registers,
         response_ms=registers.response_ms,
         safe_read=registers.safe_read,
+        checks_crc=registers.checks_crc,
         added_frames=axis.added_frames is AddedFrames.AUTO,
         refused_read=registers.refused_read,
         exception_writes_nothing=registers.exception is OnException.NOTHING_WRITTEN,

@@ -32,7 +32,7 @@ def check_budget(
 
 def _note(findings: Findings, sections: Sections, judgement: Judgement) -> None:
     key = judgement.key
-    if key[0] == "line":
+    if key[0] == "line" and key[2] == "controllers":
         _, line, _, index, *rest = key
         assert isinstance(line, str)
         assert isinstance(index, int)

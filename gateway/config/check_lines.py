@@ -43,6 +43,7 @@ def check_lines(
     for name, line in lines.items():
         _check_names(findings, name, line)
         _check_drain(findings, name, line)
+        _check_cut_through(findings, name, line)
         _check_units(findings, name, line, set(unit_ids.get(name, ())))
         _check_open_listeners(findings, name, line)
     ports = [use for use in (*drives, *listeners) if isinstance(use.place, SerialEndpoint)]
@@ -105,6 +106,16 @@ def _check_drain(findings: Findings, name: str, line: LineSection) -> None:
             ("line", name, "drain_ms"),
             "drain_ms on Modbus TCP drives",
             "leave it out: their late replies are known by the transaction id",
+        )
+
+
+def _check_cut_through(findings: Findings, name: str, line: LineSection) -> None:
+    is_between_ports = line.drives.rtu is not None and any(each.rtu for each in line.controllers)
+    if line.cut_through and not is_between_ports:
+        findings.refuse(
+            ("line", name, "cut_through"),
+            "cut_through without serial ports (rtu) on both sides",
+            "leave it out: only what comes byte by byte can leave before it is whole",
         )
 
 

@@ -226,6 +226,10 @@ class LineSection(StrictModel):
         default=None,
         description="the unit id that the one Modbus/TCP drive answers with, where it is not its own",
     )
+    cut_through: bool = Field(
+        default=False,
+        description="let frames leave while they still arrive, between serial ports (RTU to RTU)",
+    )
     monitor_max_wait_ms: Milliseconds = Field(
         default=_TIMING.monitor_max_wait_ms,
         description="milliseconds after which a monitor's request no longer waits for a gap that it fits",

@@ -261,6 +261,10 @@ class RegisterMap(StrictModel):
     safe_read: bool = Field(
         default=True, description="the gateway may read mapped positions and bits by itself"
     )
+    checks_crc: bool = Field(
+        default=True,
+        description="the drive obeys no frame with a wrong check sum and does not answer it either",
+    )
     max_registers: Annotated[int, Field(ge=1, le=MAX_REGISTERS)] = Field(
         default=DEFAULT_MAX_REGISTERS, description="most registers that the drive takes in one frame"
     )

@@ -12,6 +12,7 @@ class EventKind(Enum):
     DRIVE_SILENT = "drive-silent"
     DRIVE_BACKED_OFF = "drive-backed-off"
     DRIVE_ANSWERS = "drive-answers"
+    CUT_THROUGH_OFF = "cut-through-off"
     AXIS_REFERENCED = "axis-referenced"
     REFERENCE_LOST = "reference-lost"
     DIRECTION_UNSURE = "direction-unsure"

@@ -10,14 +10,14 @@ against the other.
 
 from typing import Final, NamedTuple
 
-from gateway.counts import Counts
 from gateway.exchange.access import ACCESS, Access
 from gateway.exchange.aliases import ANY_TCP_DRIVE
-from gateway.exchange.axis.events import Part
+from gateway.exchange.axis.events import Part, SteadyTarget
 from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, Rendering, Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import nearest
 from gateway.exchange.meaning import Frame
+from gateway.exchange.ports import ControllerPort
 from gateway.exchange.rendering import nominal_limit
 from gateway.exchange.request import NOTHING_KNOWN, Request, Rewriting
 from gateway.exchange.transaction import FastPath, Transaction
@@ -101,6 +101,35 @@ class ReadPath(FastPath):
             note_bits(self._hits.bits, data[2:], NOBODY, transaction.sent_ns)
         return bytes(data)
 
+    @property
+    def quantity(self) -> int:
+        """How many registers it reads."""
+        return self._access.read_quantity
+
+    @property
+    def places(self) -> tuple[tuple[int, int], ...]:
+        """Where in the PDU of a reply each position begins and ends."""
+        return tuple((read.start, read.end) for read in self._reads)
+
+    def turned(self, transaction: Transaction, which: int, words: bytes) -> bytes | None:
+        """Return what ``answered`` would make of the words of one position; None: that cannot be said yet.
+
+        Nothing is changed by it.
+        """
+        axis, role, _, number, field, _, _ = self._reads[which]
+        readback, record = transaction.readbacks[which], axis.record
+        if axis.unproven is not None or (record is not None and record.recalled is not None):
+            return None  # the reading itself may prove something, and be turned back otherwise
+        if readback is None:
+            return words
+        try:
+            if role is FieldRole.LIMIT:
+                return nominal_limit(axis, number, words)
+            meant = axis.fields[number].means(words) if role is FieldRole.COMMAND else None
+            return meant or axis.nominal_words(field, words, readback)
+        except RegisterRangeError:
+            return None
+
 
 class WritePath(FastPath):
     """Writes of one whole target, in a frame that may hold other words beside it."""
@@ -144,42 +173,69 @@ class WritePath(FastPath):
 
     def sent(self, transaction: Transaction, now_ns: int) -> bytes | None:
         """See ``FastPath``."""
-        axis, image, pdu = self._axis, self._image, transaction.pdu
-        compensation = axis.compensation
-        port = transaction.port
-        if port is None or (port.writer != self._hold.writer and not self._hold.is_shared):
-            return None  # another one moved it last, or nobody
-        if not compensation.is_steady or len(pdu) != self._size or not self._is_usual(now_ns):
+        pdu = transaction.pdu
+        if len(pdu) != self._size:
             return None
         start, end = self._start, self._end
-        words = pdu[start:end]
-        steady = None
-        corrected_counts: Counts = 0.0
+        target = self.judged(transaction.port, pdu[start:end], now_ns)
+        if target is None:
+            return None
+        self.keep(transaction, target)
+        return self._head + target[1] if self._is_last else pdu[:start] + target[1] + pdu[end:]
+
+    def keep(self, transaction: Transaction, target: SteadyTarget) -> None:
+        """A target goes out next: what has to be known of it after a kill is written."""
+        axis = self._axis
+        transaction.carry(self, target)
+        if axis.record is not None and not axis.send_steady(target):
+            axis.send_target(transaction.rendering())
+
+    def is_ready(self, port: ControllerPort | None, now_ns: int) -> bool:
+        """Whether nothing but its words can keep a target from going this way."""
+        if port is None or (port.writer != self._hold.writer and not self._hold.is_shared):
+            return False  # another one moved it last, or nobody
+        return self._axis.compensation.is_steady and self._is_usual(now_ns)
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Where in the PDU the position begins and ends."""
+        return self._start, self._end
+
+    @property
+    def echo(self) -> bytes:
+        """The reply with which a drive acknowledges it."""
+        return self._echo
+
+    def judged(self, port: ControllerPort | None, words: bytes, now_ns: int) -> SteadyTarget | None:
+        """Return the target that its words are, as it would be sent now; None: it goes the slow path.
+
+        Nothing is changed by it: asked again at the same instant it answers the same, as long as nothing else
+        has happened to the axis.
+        """
+        axis, image = self._axis, self._image
+        compensation = axis.compensation
+        if not self.is_ready(port, now_ns):
+            return None
         if words == image.nominal_words:
             if compensation.accepted is None or image.corrected_words is None:
                 return None
             if self._number != axis.last_number:
                 return None  # another register of the axis was written since: this is a target
-            corrected_words = image.corrected_words
-        else:
-            if self._terms is not None and self._terms.is_due(now_ns):
-                return None
-            raw = self._codec.unpack(words, 0)
-            nominal_counts = raw if self._scale == 1.0 else raw * self._scale
-            steady = compensation.plan_steady(nominal_counts, now_ns, axis.whereabouts is ARRIVED)
-            if steady is None:
-                return None
-            raw += nearest(steady[1] / self._scale)
-            try:
-                corrected_words = self._codec.pack(raw)
-            except RegisterRangeError:
-                return None
-            corrected_counts = raw if self._scale == 1.0 else raw * self._scale
-        target = (words, corrected_words, corrected_counts, image.epoch, steady)
-        transaction.carry(self, target)
-        if axis.record is not None and not axis.send_steady(target):
-            axis.send_target(transaction.rendering())
-        return self._head + corrected_words if self._is_last else pdu[:start] + corrected_words + pdu[end:]
+            return words, image.corrected_words, 0.0, image.epoch, None
+        if self._terms is not None and self._terms.is_due(now_ns):
+            return None
+        raw = self._codec.unpack(words, 0)
+        nominal_counts = raw if self._scale == 1.0 else raw * self._scale
+        steady = compensation.plan_steady(nominal_counts, now_ns, axis.whereabouts is ARRIVED)
+        if steady is None:
+            return None
+        raw += nearest(steady[1] / self._scale)
+        try:
+            corrected_words = self._codec.pack(raw)
+        except RegisterRangeError:
+            return None
+        corrected_counts = raw if self._scale == 1.0 else raw * self._scale
+        return words, corrected_words, corrected_counts, image.epoch, steady
 
     def left(self, transaction: Transaction) -> None:
         """See ``FastPath``."""

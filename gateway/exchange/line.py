@@ -27,11 +27,14 @@ from gateway.exchange.added_frames import (
 from gateway.exchange.admission import NO_ROOM, Admission, judge, role_denial
 from gateway.exchange.answers import Answers, Reach, Silence
 from gateway.exchange.arbitration import Gaps
-from gateway.exchange.axis.events import Outcome
+from gateway.exchange.axis.events import Outcome, SteadyTarget
 from gateway.exchange.axis.groups import join
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import Control, ControlError, EndDryRun, SetLimits, carry_out
 from gateway.exchange.counters import LineCounters
+from gateway.exchange.cut_line import CutLine, CuttingLine, Wire
+from gateway.exchange.cut_requests import leave_on
+from gateway.exchange.cut_through import Turn
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on, moves_one_of
 from gateway.exchange.events import Event, EventKind
@@ -51,6 +54,7 @@ from gateway.exchange.transaction import (
     NO_RESPONSE,
     Answer,
     Endings,
+    FastPath,
     Phase,
     Stopping,
     Transaction,
@@ -71,7 +75,7 @@ REFUSALS_TOLD: Final = 10
 """So many refusals of a kind are told of an axis in a second; of more how many there were."""
 
 
-class LineExchange:
+class LineExchange(CuttingLine):
     """The transactions of one line and the axes on it."""
 
     def __init__(
@@ -86,6 +90,7 @@ class LineExchange:
         other_units: OtherUnits = NO_OTHER_UNITS,
         what_ran: Callable[[int, int], str] = lambda _since_ns, _until_ns: "",
         own_unit: OwnUnit | None = None,
+        cut_through: Wire | None = None,
     ) -> None:
         self.axes = tuple([Axis(plan) for plan in axes])
         join(self.axes, groups)
@@ -115,6 +120,12 @@ class LineExchange:
         """When something that waits may go: a monitor's, or what waits for late frames."""
         self.meter = LineMeter(self.axes, link, on_event, what_ran)
         self._deadlines = Deadlines(self.axes, self._units, self.counters, on_event)
+        self.cuts: CutLine | None = None
+        """Of a line whose frames may leave while they arrive; ``cut_through`` is the wire of its drives."""
+        if cut_through is not None:
+            gap_ns = int(timing.gap_ms * NS_PER_MS)
+            self.cuts = CutLine(self, link, self._units, cut_through, gap_ns)
+            self.cuts.tell_no_gain = lambda why: on_event(Event(EventKind.CUT_THROUGH_OFF, None, why))
 
     @property
     def deadline_ns(self) -> int | None:
@@ -264,6 +275,8 @@ class LineExchange:
         So it does with axes whose targets the same frame writes: their triggers were meant for those before.
         And with those whose targets it runs: it would run the ones before.
         """
+        if self._current is not None and self._current.phase is Phase.LEAVING:
+            self._spoil(self._current, Turn.OVERTAKEN, now_ns)
         axes = [meaning.axis for meaning in stops]
         axes += self._units.given_targets(self._units.frames_of(stop))
         reason = "a stop of its axis came after it"
@@ -285,6 +298,10 @@ class LineExchange:
 
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Withdraw what a closed connection still has waiting (W5)."""
+        if self.cuts is not None:
+            self.cuts.gone(port, now_ns)
+            if self._current is not None and self._current.port is port:
+                self.cuts.reply.end(Turn.LOST, now_ns)
         self._give_up(port, "its connection closed", now_ns)
         self._admission.gone(port, now_ns)
 
@@ -293,6 +310,8 @@ class LineExchange:
         for transaction in self._waiting.give_up(port):
             self._withdraw(transaction, reason, now_ns)
         if self._current and self._current.port is port:
+            if self.cuts is not None:
+                self.cuts.reply.end(Turn.ANEW, now_ns)
             self._current.give_up()
 
     def note_standstill(self, gap_ns: int) -> None:
@@ -338,8 +357,13 @@ class LineExchange:
         self.answers.answered_ns[unit_id] = now_ns
         if self.answers.silences:
             self._hear(unit_id, now_ns)
-        path = transaction.path
-        turned = None if path is None else path.answered(transaction, pdu, now_ns)
+        path, cuts = transaction.path, self.cuts
+        if path is None:
+            turned = None
+        elif cuts is None:
+            turned = path.answered(transaction, pdu, now_ns)
+        else:
+            turned = cuts.answered(path, transaction, pdu, now_ns)
         if path is None or turned is None:
             axes = self._take_reply(transaction, pdu, now_ns)
         else:
@@ -352,6 +376,8 @@ class LineExchange:
             self._current = None
             assert transaction.port is not None
             self.meter.note(transaction, transaction.port, pdu, now_ns)
+        if cuts is not None:
+            cuts.note(transaction, pdu, turned)
         if self._gaps.is_watching:
             self._gaps.ended(transaction, now_ns)
         if axes:
@@ -456,6 +482,8 @@ class LineExchange:
         may be that of another request: a serial line is left alone until it is silent.
         """
         self.counters.late += 1
+        if self._current is not None and self._current.phase is Phase.LEAVING:
+            self._spoil(self._current, Turn.MET, now_ns)
         is_awaited = self.answers.disturb(unit_id, now_ns)
         if self.rest.is_draining:
             self.rest.disturb(now_ns)
@@ -495,7 +523,12 @@ class LineExchange:
         self.rest.break_off(owes_silence=self._link.is_serial and is_busy)
         for axis in self.axes:
             axis.lose_link(now_ns)
-        if current is not None:
+        if current is not None and current.phase is Phase.LEAVING:
+            self._spoil(current, Turn.LOST, now_ns)
+            self._end_leaving(current, now_ns)
+        elif current is not None:
+            if self.cuts is not None:
+                self.cuts.reply.end(Turn.GONE, now_ns)
             self._end_unanswered(current, now_ns)
         for transaction in self._waiting.withdraw(lambda _: True):
             self._refuse_absent(transaction, now_ns)
@@ -584,6 +617,7 @@ class LineExchange:
             rests_until_ns = self.rest.until_ns
             from_ns = self._stop_from_ns(transaction)
             is_late = transaction.waits_for_silence
+            from_ns = max(from_ns, self.rest.spoilt_until_ns)
             if rests_until_ns is not None and (is_late or self.rest.is_turning):
                 from_ns = max(from_ns, rests_until_ns, now_ns + 1)
             if is_late:
@@ -793,7 +827,66 @@ class LineExchange:
             self._end_broadcast(transaction, now_ns)
             return
         self._current = transaction
+        if self.cuts is not None:
+            self.cuts.reply.expect(transaction)
         self._link.send_request(unit_id, pdu)
+
+    # --- requests that leave while they arrive ---------------------------------------------------------
+
+    def may_lead(self, port: ControllerPort, now_ns: int) -> bool:
+        """See ``CuttingLine``: what would go out at once, if all of it had come."""
+        if self._current is not None or not self.is_up or self.rest.until_ns is not None:
+            return False
+        if self.answers.silences or self._is_stopping or not self._waiting.only_others:
+            return False
+        return port.is_motion and port.gate is None and self._link.may_lead(now_ns)
+
+    def lead(self, port: ControllerPort, expected: bytes, now_ns: int) -> None:
+        """See ``CuttingLine``. Whatever comes meanwhile waits, as for one that has left (W6)."""
+        if self._gaps.is_watching and not self._is_moving:
+            self._gaps.motion_came(now_ns)
+        transaction = Transaction(port, 0, expected[0], expected[1:], now_ns)
+        transaction.lead()
+        self._current = transaction
+
+    def leaves(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
+        """See ``CuttingLine``. All of it has come in this moment."""
+        transaction = self._current
+        assert transaction is not None
+        port = transaction.port
+        assert port is not None
+        arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
+        transaction.arrive(pdu, arrived_ns)
+        sent_pdu = leave_on(path, transaction, target, now_ns)
+        if sent_pdu is None:
+            return None
+        port.note_request(transaction.transaction_id, transaction.unit_id, pdu, now_ns)
+        transaction.take(path)
+        patience_ns = max(self._response_timeout_ns, port.patience_ns)
+        transaction.leave(now_ns, transaction.unit_id, patience_ns)
+        if transaction.target is not None:
+            path.left(transaction)
+        if self.cuts is not None:
+            self.cuts.reply.expect(transaction)
+        return sent_pdu
+
+    def spoilt(self, until_ns: int, now_ns: int) -> None:
+        """See ``CuttingLine``. If all of it comes it is a request as any other, behind the silence."""
+        transaction, self._current = self._current, None
+        assert transaction is not None
+        self._end_leaving(transaction, now_ns)
+        self.rest.spoil(until_ns)
+        self._gaps.ended(transaction, now_ns, until_ns)
+        self._next(now_ns)
+
+    def _spoil(self, transaction: Transaction, why: Turn, now_ns: int) -> None:
+        """Let no more leave of a request that is leaving."""
+        assert self.cuts is not None
+        self.cuts.end_leaving(transaction, why, now_ns)
+
+    def _end_leaving(self, transaction: Transaction, now_ns: int) -> None:
+        """End what never left whole: nothing of it is lost that its controller has not still to send."""
+        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, is_lost=False)
 
     def _end_broadcast(self, transaction: Transaction, now_ns: int) -> None:
         """Give the drives time to obey what all of them heard, and none of them answers."""
@@ -859,6 +952,8 @@ class LineExchange:
 
     def _time_out(self, transaction: Transaction, now_ns: int) -> None:
         self._link.abandon()
+        if self.cuts is not None:
+            self.cuts.reply.end(Turn.STALLED, now_ns)
         self._current = None
         self.counters.timeouts += 1
         unit_id = transaction.wire_unit_id

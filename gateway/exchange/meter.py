@@ -5,7 +5,8 @@ Times are those of ``read()`` and ``write()``. Of one transaction:
 - *queue*: from its last byte until the line was free for it;
 - *request leg*: from then until its frame was written to the drive, without the frames of the gateway's own
   that went first (*added*), and without the silence that a wire wants;
-- *drive*: from then to the last byte of the reply, without the time that the bytes take on the wire;
+- *drive*: from then to the last byte of the reply, without the time that the bytes take on the wire (of a
+  request that was cut through only the bytes that were left then);
 - *reply leg*: from then until the reply was written to the controller.
 
 Gateway time is both legs together.
@@ -156,7 +157,8 @@ class LineMeter:
         drive_ns = reply_ns - sent_ns
         if sent.wire_ns_per_byte:
             wire_ns = (len(transaction.pdu) + len(reply) + 2 * RTU_OVERHEAD) * sent.wire_ns_per_byte
-            drive_ns = max(0, drive_ns - wire_ns)  # an adapter that keeps less than a character's time
+            # Some of it may have left before (``cut_line``); adapters may keep less than a character's time.
+            drive_ns = max(0, drive_ns + transaction.early_ns - wire_ns)
             self.wire_ns += wire_ns
         # bucket_of, four times in place: the calls alone would cost as much as all the rest.
         shift = gateway_ns.bit_length() - OCTAVE

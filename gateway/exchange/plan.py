@@ -157,6 +157,8 @@ class AxisPlan:
     """What the drive takes from the last byte of a request to the first of its reply; None: not known."""
     safe_read: bool = True
     """Positions and bits may be read by the gateway itself (W8)."""
+    checks_crc: bool = True
+    """A frame with a wrong check sum is neither obeyed nor answered; else no line of it is cut through."""
     added_frames: bool = True
     refused_read: int = 0
     """Function byte with which its drive refuses every read; 0: that of the request with bit 7."""

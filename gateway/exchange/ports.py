@@ -60,6 +60,23 @@ class ControllerPort:
         """Frame and send a reply. ``transaction_id`` is the request's own (0 on serial lines)."""
         raise NotImplementedError
 
+    # --- replies that leave while they arrive, and requests that did (``cut_line``); serial ports alone
+
+    def may_lead(self, now_ns: int) -> bool:
+        """Whether a reply may begin to leave now."""
+        return False
+
+    def lead(self, piece: bytes) -> None:
+        """Send bytes of a reply, of which the last ones of its check sum may come later or not at all."""
+        raise NotImplementedError
+
+    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
+        """Send the rest of a reply; what has left with it is this one."""
+        raise NotImplementedError
+
+    def note_request(self, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """A request of this port leaves with its check sum, which came in this moment: take it down."""
+
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class OwnUnit:
@@ -91,4 +108,18 @@ class DriveLink:
 
     def abandon(self) -> None:
         """Expect nothing any more: whatever arrives now is late and is reported as stray bytes."""
+        raise NotImplementedError
+
+    # --- requests that leave while they arrive (``cut_line``); serial links alone
+
+    def may_lead(self, now_ns: int) -> bool:
+        """Whether a request may begin to leave now."""
+        return False
+
+    def lead(self, piece: bytes) -> None:
+        """Send bytes of a request that is none yet, and may never be one."""
+        raise NotImplementedError
+
+    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+        """Send the rest of a request; what has left with it is this one. Expect the reply that fits it."""
         raise NotImplementedError

@@ -24,6 +24,8 @@ class Resting(Enum):
     """A reply may come that answers nothing any more: the line waits until it is silent."""
     OWED = "owed"
     """The same, and there is no link yet: the silence begins with it."""
+    SPOILT = "spoilt"
+    """A frame left that is none (``cut_through``): the drives have to see that it has ended."""
 
 
 class Rest:
@@ -36,7 +38,9 @@ class Rest:
         self._drained_at_last_ns = 0
         self._resting = Resting.NOT
         self.until_ns: int | None = None
-        """There exactly in TURNAROUND and SILENCE: the line rests until then."""
+        """There exactly in TURNAROUND, SILENCE and SPOILT: the line rests until then."""
+        self.spoilt_until_ns = 0
+        """Not even a stop is sent before: it would be taken for the rest of a spoilt frame."""
 
     @property
     def is_draining(self) -> bool:
@@ -60,21 +64,28 @@ class Rest:
             self._resting = Resting.TURNAROUND
             self.until_ns = until_ns
 
+    def spoil(self, until_ns: int) -> None:
+        """Let the drives see that a spoilt frame has ended; nothing else kept the line when it began."""
+        self._resting = Resting.SPOILT
+        self.until_ns = self.spoilt_until_ns = until_ns
+
     def drain(self, now_ns: int) -> None:
         """Wait for silence, so that a late reply never answers the next request."""
         self._resting = Resting.SILENCE
-        self.until_ns = now_ns + self._drain_ns
-        self._drained_at_last_ns = now_ns + LONGEST_DRAIN * self._drain_ns
+        self.until_ns = max(now_ns + self._drain_ns, self.spoilt_until_ns)
+        self._drained_at_last_ns = max(now_ns + LONGEST_DRAIN * self._drain_ns, self.spoilt_until_ns)
 
     def disturb(self, now_ns: int) -> None:
         """Bytes came in the middle of the silence: it begins anew, but not for ever."""
-        self.until_ns = min(now_ns + self._drain_ns, self._drained_at_last_ns)
+        until_ns = max(now_ns + self._drain_ns, self.spoilt_until_ns)
+        self.until_ns = min(until_ns, self._drained_at_last_ns)
 
     def settle(self, now_ns: int) -> None:
         """The line has rested, if it was to until now; called once what came of the drives has been read."""
         if self.until_ns is not None and now_ns >= self.until_ns:
             self._resting = Resting.NOT
             self.until_ns = None
+            self.spoilt_until_ns = 0
 
     def owe(self) -> None:
         """A reply may come that nobody here has asked for: the line rests first when its link comes up."""
@@ -84,6 +95,7 @@ class Rest:
         """The link went down; a reply may be on its way still."""
         self._resting = Resting.OWED if owes_silence else Resting.NOT
         self.until_ns = None
+        self.spoilt_until_ns = 0
 
     def resume(self, now_ns: int) -> None:
         """The link is up again."""

@@ -9,6 +9,7 @@ from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.exchange.axis.state import Actual
 from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.cut_status import cut_status
 from gateway.exchange.line import LineExchange
 from gateway.times import NS_PER_S
 
@@ -36,6 +37,7 @@ def line_status(line: LineExchange, now_ns: int) -> dict[str, Any]:
         "unmapped_reads": counters.unmapped_reads,
         "oversized": counters.oversized,
         "unit_ids": line.unit_ids_status(now_ns),
+        **({} if line.cuts is None else {"cut_through": cut_status(line.cuts)}),
     }
 
 

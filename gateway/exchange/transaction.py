@@ -4,7 +4,9 @@ A :class:`Transaction` is in one :class:`Phase`, and goes from one to the next o
 says, which is asserted at each step. Its own frame leaves once: a frame may leave only from ``WAITING``
 (:meth:`Transaction.leave`, asked by the line in the one place where frames leave), and no phase leads back to
 ``WAITING`` from ``SENT``. A
-prerequisite, which the gateway adds, may come before it, as often as it takes; each is another frame.
+prerequisite, which the gateway adds, may come before it, as often as it takes; each is another frame. What
+leaves while it still arrives (``LEAVING``) is no frame before its check sum has left: until then it ends as
+if it had never been sent, spoilt so that no drive takes it for one (``cut_through``).
 
 A transaction ends once, in :meth:`Endings.finish`, with one :class:`~gateway.exchange.axis.events.Outcome`;
 one that went the fast path and was answered as usual ends in ``LineExchange.reply``, in the same steps.
@@ -32,6 +34,8 @@ from gateway.exchange.translate import note_discrete, outcome_of, reply_without_
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
 
+NEVER_NS: Final = 1 << 62
+"""Deadline of what has to be waited for by somebody else."""
 LOST: Final = ExceptionCode.SERVER_DEVICE_FAILURE
 NO_RESPONSE: Final = ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
 
@@ -45,6 +49,8 @@ class Phase(Enum):
     """Its own frame has not left, and nothing of it is on the wire."""
     PREREQUISITE = "prerequisite"
     """A frame of the gateway's own that it needs first is on the wire."""
+    LEAVING = "leaving"
+    """Bytes of its own frame have left while it still arrives: it is no frame before its check sum has."""
     SENT = "sent"
     """Its own frame has left."""
     ENDED = "ended"
@@ -52,8 +58,9 @@ class Phase(Enum):
 
 
 PHASE_AFTER: Final = {
-    Phase.WAITING: frozenset({Phase.PREREQUISITE, Phase.SENT, Phase.ENDED}),
+    Phase.WAITING: frozenset({Phase.PREREQUISITE, Phase.LEAVING, Phase.SENT, Phase.ENDED}),
     Phase.PREREQUISITE: frozenset({Phase.WAITING, Phase.ENDED}),
+    Phase.LEAVING: frozenset({Phase.SENT, Phase.ENDED}),
     Phase.SENT: frozenset({Phase.ENDED}),
     Phase.ENDED: frozenset(),
 }
@@ -62,6 +69,7 @@ PHASE_AFTER: Final = {
 OUTCOMES: Final = {
     Phase.WAITING: frozenset({Outcome.NEVER_SENT}),
     Phase.PREREQUISITE: frozenset({Outcome.NEVER_SENT}),
+    Phase.LEAVING: frozenset({Outcome.NEVER_SENT}),
     Phase.SENT: frozenset(set(Outcome) - {Outcome.NEVER_SENT}),
     Phase.ENDED: frozenset(),
 }
@@ -96,6 +104,7 @@ STOP_AFTER: Final = {
 
 _WAITING: Final = Phase.WAITING  # a member is looked up slowly, and these are asked for with each request
 _PREREQUISITE: Final = Phase.PREREQUISITE
+_LEAVING: Final = Phase.LEAVING
 _SENT: Final = Phase.SENT
 _ENDED: Final = Phase.ENDED
 _NO_STOP: Final = Stopping.NO
@@ -173,10 +182,13 @@ class Transaction:
     """How long it waited for the line."""
     added_ns = 0
     """How long frames of the gateway's own held it up."""
+    early_ns = 0
+    """So long its own frame had been leaving when all of it had come (``cut_line``)."""
     excused_ns = 0
     """How much of that no deadline counts: a look at where the axis stands."""
     is_orphan = False
-    """Its controller has gone or gone on: the reply is taken note of and then dropped."""
+    """Its controller has gone or gone on, or has heard a reply while that still arrived (``cut_line``): what
+    comes is taken note of and then dropped."""
     is_denied = False
     """There was no room for it: it is refused when the answers before it have been given."""
     overtaken_by = ""
@@ -309,8 +321,23 @@ class Transaction:
         """Note how the positions that it reads on a fast path are turned back."""
         self.readbacks = readbacks
 
+    def lead(self) -> None:
+        """The first bytes of its own frame leave, while it still arrives. It has a deadline elsewhere."""
+        self._go_on(_LEAVING)
+        self.sent_ns = self.arrived_ns
+        self.deadline_ns = NEVER_NS
+
+    def arrive(self, pdu: bytes, arrived_ns: int) -> None:
+        """All of it has come while it was leaving: this is what it says."""
+        assert self.phase is _LEAVING
+        self.pdu, self.arrived_ns, self.early_ns = pdu, arrived_ns, arrived_ns - self.sent_ns
+        self.frames = None
+
     def leave(self, now_ns: int, unit_id: int, patience_ns: int) -> None:
-        """A frame leaves for it now: its own, which does so once, or one that it needs first."""
+        """A frame leaves for it now: its own, which does so once, or one that it needs first.
+
+        One that leaves while it arrives does so with its check sum.
+        """
         if self.added is None and self.phase is _WAITING:
             self.phase = _SENT  # as ``_go_on`` would, without looking the usual step up
         else:

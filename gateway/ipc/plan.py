@@ -68,6 +68,8 @@ class LinePlan:
     """Of a Modbus/TCP line: what is known of unit ids that have no axis."""
     answers_as: int | None = None
     """The unit id in the replies of its one Modbus/TCP drive, where that is not the one that was asked."""
+    cut_through: bool = False
+    """Frames may leave while they still arrive, where both sides are serial ports."""
     tape_bytes: int = 0
     """How much of its last minutes is kept (``ipc.tape``); 0: nothing."""
 

@@ -32,6 +32,18 @@ def silence_ns(baudrate: int, bits_per_character: int = 11) -> int:
     return round(SILENCE_CHARACTERS * bits_per_character * NS_PER_S / baudrate)
 
 
+def pause_ns(silence: int) -> int:
+    """Return the longest pause inside a frame, from the silence between two, both in ns.
+
+    1.5 of 3.5 characters, 750 µs of 1.75 ms; as :func:`silence_ns`. It is counted from the end of a character
+    to the start of the next.
+
+    >>> pause_ns(silence_ns(9600)), pause_ns(silence_ns(115200))
+    (1718750, 750000)
+    """
+    return silence * 3 // 7
+
+
 @dataclass(slots=True)
 class RtuCounters:
     """What a decoder met besides good frames, since it was made."""
@@ -77,6 +89,11 @@ class RtuDecoder:
         self.deadline_ns: int | None = None
         """When ``on_silence`` wants to be called; every byte puts it off. None: nothing waits."""
         self.counters = RtuCounters()
+
+    @property
+    def is_between_frames(self) -> bool:
+        """Whether no bytes wait: the next one begins a frame."""
+        return not self._buffer
 
     def on_silence(self, now_ns: int) -> list[Frame]:
         """Return the frames that silence ended. Too early a call changes nothing (some timers fire early)."""

@@ -105,6 +105,16 @@ class RtuReplyDecoder(RtuDecoder):
         if self._has_echo:
             self._echo = append_crc(bytes((unit_id,)) + request_pdu)
 
+    def expect_unechoed(self, unit_id: int, request_pdu: bytes) -> None:
+        """The same of a request whose echo somebody else takes out, where there is one."""
+        self.expect(unit_id, request_pdu)
+        self._echo = b""
+
+    @property
+    def is_at_reply(self) -> bool:
+        """Whether the next byte that comes is the first one of the reply that is expected."""
+        return bool(self._request) and not self._buffer and not self._echo
+
     def expect_echo(self, unit_id: int, request_pdu: bytes) -> None:
         """Expect nothing but the echo of a request that nobody answers, where there is one."""
         if self._has_echo:

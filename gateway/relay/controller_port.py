@@ -9,6 +9,8 @@ from typing import Final
 
 from gateway.clock import boot_ns
 from gateway.compiled import mypyc_attr
+from gateway.exchange.cut_line import RequestCutter, Wire
+from gateway.exchange.cut_through import Turn
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, writer_name
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap, too_long
@@ -56,6 +58,10 @@ class Requests:
     def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
         """Note that a controller's connection or port was lost."""
         raise NotImplementedError
+
+    def follow(self, port: ControllerPort, wire: Wire) -> RequestCutter | None:
+        """Return what follows the requests of a serial port; None: on this line nothing is cut through."""
+        return None
 
 
 class MbapControllerPort(ControllerPort):
@@ -147,16 +153,24 @@ class RtuControllerPort(ControllerPort):
     """A controller that speaks RTU, over a serial port or through a serial device server.
 
     On a wire a reply begins no sooner than ``gap_ns`` after the request's last byte; nothing is waited for
-    where there is no wire.
+    where there is no wire. With ``wire`` its frames may be cut through, if its line does that.
     """
 
     def __init__(
-        self, plan: ControllerPlan, exchange: Requests, decoder: RtuRequestDecoder, gap_ns: int
+        self,
+        plan: ControllerPlan,
+        exchange: Requests,
+        decoder: RtuRequestDecoder,
+        gap_ns: int,
+        wire: Wire | None = None,
     ) -> None:
         super().__init__(plan)
         self._exchange = exchange
         self._decoder = decoder
         self._gap_ns = gap_ns
+        self._wire = wire
+        self._cutter: RequestCutter | None = None
+        self._cut_timer: Timer | None = None
         self._channel: Channel | None = None
         self._timer: Timer | None = None
         self._sender: PacedSender | None = None
@@ -182,12 +196,21 @@ class RtuControllerPort(ControllerPort):
         self._sender = PacedSender(0, self._gap_ns)
         self.stamps = self._sender.stamps
         self._sender.opened(channel, now_ns)
+        if self._wire is not None:
+            self._cutter = self._exchange.follow(self, self._wire)
+        if self._cutter is not None:
+            self._cut_timer = Timer(self._cut_due)
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``."""
         if self._sender is not None:
             self._sender.heard(now_ns)
+        has_left = self._cutter is not None and self._cut(self._cutter, data, now_ns)
         requests = self._decoder.feed(data, now_ns)
+        if has_left:
+            self.asked_ns = now_ns
+            self.whole += 1
+            requests = requests[1:]
         beats = self._exchange.beats
         if beats.stood_still(now_ns, self.patience_ns):
             self._pass_on(requests, now_ns, STOOD_STILL)
@@ -206,13 +229,28 @@ class RtuControllerPort(ControllerPort):
         if self._timer is not None and self._sender is not None:
             self._timer.close()
             self._sender.close()
-        self._timer = self._sender = self._channel = None
+        if self._cut_timer is not None:
+            self._cut_timer.close()
+        self._timer = self._cut_timer = self._sender = self._channel = self._cutter = None
         self._exchange.controller_gone(self, now_ns)
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
         if self._sender is not None:
             self._sender.send(encode_rtu(unit_id, pdu))
+
+    def may_lead(self, now_ns: int) -> bool:
+        """See ``ControllerPort``."""
+        return self._sender is not None and self._sender.may_begin(now_ns)
+
+    def lead(self, piece: bytes) -> None:
+        """See ``ControllerPort``."""
+        if self._sender is not None:
+            self._sender.add(piece)
+
+    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
+        """See ``ControllerPort``."""
+        self.lead(rest)
 
     def counters(self) -> dict[str, int]:
         """Return what framing has counted, for the status."""
@@ -223,6 +261,24 @@ class RtuControllerPort(ControllerPort):
             "crc_errors": counters.crc_errors,
             "dropped_bytes": counters.dropped_bytes,
         }
+
+    def _cut(self, cutter: RequestCutter, data: bytes, now_ns: int) -> bool:
+        """Let bytes leave that may; return whether they ended a request that has left with them."""
+        if self._exchange.beats.stood_still(now_ns, self.patience_ns):
+            cutter.end(Turn.STALLED, now_ns)
+            return False
+        has_left = cutter.feed(data, now_ns, is_fresh=self._decoder.is_between_frames)
+        self._arm_cut(cutter)
+        return has_left
+
+    def _cut_due(self, now_ns: int) -> None:
+        if self._cutter is not None:
+            self._cutter.tick(now_ns)
+            self._arm_cut(self._cutter)
+
+    def _arm_cut(self, cutter: RequestCutter) -> None:
+        if self._cut_timer is not None:
+            self._cut_timer.arm(cutter.deadline_ns)
 
     def _silent(self, now_ns: int) -> None:
         requests = self._decoder.on_silence(now_ns)

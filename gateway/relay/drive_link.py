@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compiled import mypyc_attr
+from gateway.exchange.cut_line import ReplyCutter
 from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
@@ -89,14 +90,24 @@ class RtuDriveLink(Link):
     """RTU frames to the drives, over a wire or over TCP.
 
     ``gap_ns``: silence that the drives want before each request; ``wire_gap_ns``: what a wire wants.
+    ``has_echo``: what is sent comes back; of requests that leave in pieces it is taken out here.
     """
 
-    def __init__(self, gap_ns: int, decoder: RtuReplyDecoder, wire_gap_ns: int = 0) -> None:
+    def __init__(
+        self, gap_ns: int, decoder: RtuReplyDecoder, wire_gap_ns: int = 0, *, has_echo: bool = False
+    ) -> None:
         super().__init__(is_serial=True)
         self._decoder = decoder
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
         self._exchange: TimedExchange | None = None
+        self._cutter: ReplyCutter | None = None
+        self._cut_timer: Timer | None = None
+        self._has_echo = has_echo
+        self._own = b""
+        """What has left in pieces, of which no echo has been heard yet."""
+        self._heard_own = b""
+        """What has come of it so far."""
         self._asked_unit_id = 0
         self._damaged_before = 0
         """Damage that was there when the newest request was sent."""
@@ -105,9 +116,14 @@ class RtuDriveLink(Link):
     def attach(self, exchange: TimedExchange) -> None:
         """See ``Link``."""
         self._exchange = exchange
+        if exchange.cuts is not None:
+            self._cutter = exchange.cuts.reply
+            self._cut_timer = Timer(self._cut_due)
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``. A broadcast expects no reply."""
+        if self._own:
+            self._forget_own()
         self._asked_unit_id = unit_id
         self._damaged_before = self._decoder.counters.damaged
         if unit_id != BROADCAST_UNIT_ID:
@@ -116,8 +132,26 @@ class RtuDriveLink(Link):
             self._decoder.expect_echo(unit_id, pdu)
         self._sender.send(encode_rtu(unit_id, pdu))
 
+    def may_lead(self, now_ns: int) -> bool:
+        """See ``DriveLink``."""
+        return self._sender.may_begin(now_ns)
+
+    def lead(self, piece: bytes) -> None:
+        """See ``DriveLink``."""
+        if self._has_echo:
+            self._own += piece
+        self._sender.add(piece)
+
+    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+        """See ``DriveLink``."""
+        self._asked_unit_id = unit_id
+        self._damaged_before = self._decoder.counters.damaged
+        self._decoder.expect_unechoed(unit_id, pdu)
+        self.lead(rest)
+
     def abandon(self) -> None:
         """See ``DriveLink``. A request that still waits for its silence is not sent any more."""
+        self._forget_own()
         if self._decoder.is_expecting:
             self._decoder.cancel()
             self._timer.arm(None)
@@ -128,12 +162,17 @@ class RtuDriveLink(Link):
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
         self._decoder.reset()
+        self._forget_own()
         self._sender.opened(channel, now_ns)
         self._to_exchange().link_up(now_ns)
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``."""
         self._sender.heard(now_ns)
+        if self._cutter is not None:
+            data = self._cut(self._cutter, data, now_ns)
+            if not data:
+                return
         counters = self._decoder.counters
         stray_bytes, frames = counters.stray_bytes, counters.stray_frames + counters.foreign
         replies = self._decoder.feed(data, now_ns)
@@ -145,6 +184,7 @@ class RtuDriveLink(Link):
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
         self._decoder.reset()
+        self._forget_own()
         self._timer.arm(None)
         self._sender.closed()
         self._to_exchange().link_down(now_ns)
@@ -169,7 +209,49 @@ class RtuDriveLink(Link):
     def close(self) -> None:
         """See ``Link``."""
         self._timer.close()
+        if self._cut_timer is not None:
+            self._cut_timer.close()
         self._sender.close()
+
+    def _cut(self, cutter: ReplyCutter, data: bytes, now_ns: int) -> bytes:
+        """Let bytes of a reply leave that may; return what came without the own request."""
+        if self._own:
+            data = self._without_own(data)
+        if data:
+            cutter.feed(data, now_ns, is_fresh=self._decoder.is_at_reply)
+            self._arm_cut(cutter)
+        return data
+
+    def _without_own(self, data: bytes) -> bytes:
+        """Take the own request out of what came, byte by byte.
+
+        With the first byte that is another one it is not its echo, or something has met it on the wire: then
+        all of it came from the drives.
+        """
+        heard = self._heard_own + data
+        count = min(len(self._own), len(heard))
+        if heard[:count] != self._own[:count]:
+            self._forget_own()
+            return heard
+        if count < len(self._own) or not self._decoder.is_expecting:
+            # More of it may leave yet.
+            self._heard_own = heard[:count]
+            return heard[count:]
+        self._forget_own()
+        self._decoder.counters.echoes += 1
+        return heard[count:]
+
+    def _forget_own(self) -> None:
+        self._own = self._heard_own = b""
+
+    def _cut_due(self, now_ns: int) -> None:
+        if self._cutter is not None:
+            self._cutter.tick(now_ns)
+            self._arm_cut(self._cutter)
+
+    def _arm_cut(self, cutter: ReplyCutter) -> None:
+        if self._cut_timer is not None:
+            self._cut_timer.arm(cutter.deadline_ns)
 
     def _silent(self, now_ns: int) -> None:
         self._pass_on(self._decoder.on_silence(now_ns), now_ns)

@@ -13,6 +13,7 @@ from gateway.catalogue.line_events import (
     SERIAL_LATENCY,
 )
 from gateway.clock import boot_ns
+from gateway.exchange.cut_line import Wire
 from gateway.exchange.plan import ControllerPlan
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
@@ -30,7 +31,7 @@ from gateway.transport.certificates import now_utc
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint, host_of
 from gateway.transport.framing import frame_silence_ns, request_decoder
-from gateway.transport.serial import SerialPort
+from gateway.transport.serial import SerialPort, character_ns
 from gateway.transport.tcp import TcpListener
 
 GARBAGE: Final = "it sent a header whose length cannot be; its connection was closed"
@@ -167,7 +168,11 @@ class SerialFront:
         self.endpoint = endpoint
         note = _noter(journal, line, link.plan.name)
         self._port = RtuControllerPort(
-            self.plan, exchange, request_decoder(endpoint), frame_silence_ns(endpoint)
+            self.plan,
+            exchange,
+            request_decoder(endpoint),
+            frame_silence_ns(endpoint),
+            wire_of(endpoint),
         )
         self._serial = SerialPort(
             endpoint,
@@ -237,6 +242,11 @@ def make_front(line: str, link: ControllerLink, exchange: TimedExchange, journal
     if isinstance(link.endpoint, TcpEndpoint):
         return TcpFront(line, link, link.endpoint, exchange, journal)
     return SerialFront(line, link, link.endpoint, exchange, journal)
+
+
+def wire_of(endpoint: SerialEndpoint) -> Wire:
+    """Return the wire of a serial line, as cut-through sees it."""
+    return Wire(character_ns(endpoint), frame_silence_ns(endpoint))
 
 
 def _noter(journal: Journal, line: str, controller: str) -> Callable[[EventEntry, str], None]:

@@ -28,6 +28,7 @@ from gateway.exchange.control import (
     SetLimits,
     SetTables,
 )
+from gateway.exchange.cut_line import Wire
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.limits import limits_of
 from gateway.exchange.line import LineExchange
@@ -41,7 +42,7 @@ from gateway.relay.activity import Activity
 from gateway.relay.axis_record import AxisRecord, boot_id, record_path
 from gateway.relay.computed import computed
 from gateway.relay.drive_link import Damage, Link, MbapDriveLink, RtuDriveLink, UnitIds
-from gateway.relay.front import Front, make_front
+from gateway.relay.front import Front, make_front, wire_of
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping, keep_port
 from gateway.relay.last_minute import LastMinute
@@ -89,6 +90,7 @@ class Line:
             other_units=plan.other_units,
             what_ran=activity.between,
             own_unit=own_unit,
+            cut_through=_cut_wire(plan),
         )
         self._latency = LatencyStatus(self._exchange.meter)
         self._minute = LastMinute(self._frames)
@@ -403,7 +405,15 @@ def _make_link(plan: LinePlan, on_wrong_unit: Callable[[int, int], None]) -> Lin
     wire_gap_ns = frame_silence_ns(plan.drives) if isinstance(plan.drives, SerialEndpoint) else 0
     refused_reads = {axis.unit_id: 0 for axis in plan.axes}
     refused_reads |= {axis.unit_id: axis.refused_read for axis in plan.axes if axis.refused_read}
-    return RtuDriveLink(gap_ns, reply_decoder(plan.drives, refused_reads), wire_gap_ns)
+    has_echo = isinstance(plan.drives, SerialEndpoint) and plan.drives.echo
+    return RtuDriveLink(gap_ns, reply_decoder(plan.drives, refused_reads), wire_gap_ns, has_echo=has_echo)
+
+
+def _cut_wire(plan: LinePlan) -> Wire | None:
+    """Return the wire of the drives, where frames may leave on it while they still arrive."""
+    if plan.cut_through and isinstance(plan.drives, SerialEndpoint):
+        return wire_of(plan.drives)
+    return None
 
 
 def _make_drives(

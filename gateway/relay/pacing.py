@@ -58,6 +58,22 @@ class PacedSender:
         else:
             self._write(frame, now_ns)
 
+    def may_begin(self, now_ns: int) -> bool:
+        """Whether a frame that is written in pieces may begin now: it need not wait for a silence."""
+        is_quiet = now_ns >= self._quiet_from_ns + self._gap_ns
+        return self._channel is not None and not self._held and is_quiet
+
+    def add(self, piece: bytes) -> None:
+        """Write a piece of a frame that has begun, or begins now: see :meth:`may_begin`."""
+        stamps = self.stamps
+        stamps.ready_ns = stamps.sent_ns = now_ns = boot_ns()
+        stamps.paced_ns = 0
+        if self._channel is not None:
+            self._channel.write(piece)
+            stamps.sent_ns = boot_ns()
+            # Its bytes follow those of the pieces before, which may not all have left.
+            self._quiet_from_ns = max(self._quiet_from_ns, now_ns) + len(piece) * stamps.wire_ns_per_byte
+
     def discard(self) -> None:
         """Drop what waits; it was never sent."""
         self._held.clear()

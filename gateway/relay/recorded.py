@@ -17,6 +17,7 @@ from gateway.exchange.control import (
     Switch,
     TableChange,
 )
+from gateway.exchange.cut_line import RequestCutter, Wire
 from gateway.exchange.limits import Limits
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort, DriveLink
@@ -151,21 +152,54 @@ class RecordedLink(DriveLink):
         self._sink.frame(ABANDONED, 0, 0, b"")
         self._link.abandon()
 
+    def may_lead(self, now_ns: int) -> bool:
+        """See ``DriveLink``."""
+        return self._link.may_lead(now_ns)
+
+    def lead(self, piece: bytes) -> None:
+        """See ``DriveLink``. What is no frame yet is not kept."""
+        self._link.lead(piece)
+
+    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+        """See ``DriveLink``."""
+        self._sink.frame(SENT, 0, unit_id, pdu)
+        self._link.leave(unit_id, pdu, rest)
+
 
 class _RecordedPort(ControllerPort):
     """A controller's port, listened to."""
 
-    def __init__(self, port: ControllerPort, number: int, sink: Sink) -> None:
+    def __init__(
+        self, port: ControllerPort, number: int, sink: Sink, answered: list[tuple[int, bytes]]
+    ) -> None:
         super().__init__(port.plan, port.peer)
         self.stamps = port.stamps
         self.number = number
         self._port = port
         self._sink = sink
+        self._answered = answered
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
         self._sink.frame(ANSWERED, 0, ids_of(self.number, transaction_id, unit_id), pdu)
         self._port.send_reply(transaction_id, unit_id, pdu)
+
+    def may_lead(self, now_ns: int) -> bool:
+        """See ``ControllerPort``."""
+        return self._port.may_lead(now_ns)
+
+    def lead(self, piece: bytes) -> None:
+        """See ``ControllerPort``. What is no frame yet is not kept."""
+        self._port.lead(piece)
+
+    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
+        """See ``ControllerPort``. It is written down behind the reply of the drive, as if that were whole."""
+        self._answered.append((ids_of(self.number, transaction_id, unit_id), pdu))
+        self._port.leave(transaction_id, unit_id, pdu, rest)
+
+    def note_request(self, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """See ``ControllerPort``: as if it had been stored."""
+        self._sink.frame(REQUEST, now_ns, ids_of(self.number, transaction_id, unit_id), pdu)
 
 
 class RecordedExchange(TimedExchange):
@@ -177,6 +211,8 @@ class RecordedExchange(TimedExchange):
         self._line = line
         self._ports: dict[ControllerPort, _RecordedPort] = {}
         self._last_number = 0
+        self._answered: list[tuple[int, bytes]] = []
+        """What controllers were answered of a reply that the exchange has not been told of yet."""
 
     def request(
         self,
@@ -198,9 +234,15 @@ class RecordedExchange(TimedExchange):
             self._sink.frame(REQUEST, now_ns, ids_of(recorded.number, transaction_id, unit_id), pdu)
         super().request(recorded, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
 
+    def follow(self, port: ControllerPort, wire: Wire) -> RequestCutter | None:
+        """See ``TimedExchange``."""
+        return None if self.cuts is None else super().follow(self._ports.get(port) or self._port(port), wire)
+
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """See ``TimedExchange``."""
         self._sink.frame(REPLY, now_ns, unit_id, pdu)
+        while self._answered:
+            self._sink.frame(ANSWERED, 0, *self._answered.pop(0))
         super().reply(unit_id, pdu, now_ns)
 
     def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
@@ -251,7 +293,7 @@ class RecordedExchange(TimedExchange):
 
     def _port(self, port: ControllerPort) -> _RecordedPort:
         self._last_number += 1
-        recorded = self._ports[port] = _RecordedPort(port, self._last_number, self._sink)
+        recorded = self._ports[port] = _RecordedPort(port, self._last_number, self._sink, self._answered)
         self._sink.came(recorded.number, port)
         return recorded
 

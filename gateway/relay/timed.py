@@ -8,6 +8,7 @@ from typing import Final
 
 from gateway.clock import boot_ns
 from gateway.exchange.control import Control
+from gateway.exchange.cut_line import CutLine, RequestCutter, Wire
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort
 from gateway.relay.controller_port import Requests
@@ -28,6 +29,18 @@ class TimedExchange(Requests):
         self._exchange = exchange
         self._timer = Timer(self._tick)
         self._idle: asyncio.Future[None] | None = None
+        if exchange.cuts is not None:
+            exchange.cuts.on_change = self._settle
+
+    @property
+    def cuts(self) -> CutLine | None:
+        """Cut-through on this line; None: there is none."""
+        return self._exchange.cuts
+
+    def follow(self, port: ControllerPort, wire: Wire) -> RequestCutter | None:
+        """See ``Requests``."""
+        cuts = self._exchange.cuts
+        return None if cuts is None else cuts.follow(port, wire)
 
     @property
     def is_idle(self) -> bool:

@@ -5,16 +5,18 @@ import errno
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Final
+from typing import Final, Protocol
 
-from gateway.modbus.lengths import MIN_ADU
+from gateway.modbus.lengths import ADU_OVERHEAD, MIN_ADU
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import Alarm, SimulationClock, loop_now_ns
+from gateway.simulator.ears import Ear, Hearing
 from gateway.simulator.errors import SimulatorError
+from gateway.simulator.pacing import PacedWire
 from gateway.simulator.pty import FdChannel
-from gateway.simulator.wire import Lane
+from gateway.simulator.wire import PLAIN, Cable, Lane
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.stopping import all_made, stop_serving
@@ -59,8 +61,8 @@ class _DelayedSender:
         self._alarm.set(self._waiting[0][0] if self._waiting else None)
 
 
-class _RtuUnit:
-    """RTU bytes in, RTU bytes out: what serial ports and RTU over TCP share."""
+class _Obeying:
+    """Whole requests in, replies out as RTU frames."""
 
     def __init__(
         self, bus: DriveBus, clock: SimulationClock, send: Callable[[bytes], None], delay: Delay
@@ -68,8 +70,31 @@ class _RtuUnit:
         self._bus = bus
         self._clock = clock
         self._delay = delay
-        self._decoder = RtuRequestDecoder()
         self._sender = _DelayedSender(send)
+
+    def obey(self, unit_id: int, pdu: bytes) -> None:
+        self._reply(unit_id, self._bus.answer(unit_id, pdu, self._clock()))
+
+    def refuse_damaged(self, data: bytes) -> bool:
+        """Some drives answer what has a wrong check sum, to them; return whether one did."""
+        return self._reply(data[0], self._bus.bad_crc_reply(data[0], data[1]))
+
+    def close(self) -> None:
+        self._sender.close()
+
+    def _reply(self, unit_id: int, reply: bytes | None) -> bool:
+        if reply is None:
+            return False
+        self._sender.send(encode_rtu(unit_id, reply), self._delay(unit_id))
+        return True
+
+
+class _RtuUnit:
+    """RTU bytes in, RTU bytes out: what serial ports and RTU over TCP share."""
+
+    def __init__(self, obeying: _Obeying) -> None:
+        self._obeying = obeying
+        self._decoder = RtuRequestDecoder()
         self._silence = Alarm(self._on_silence)
         self._unread = b""
         """What has come since the last whole frame."""
@@ -80,38 +105,68 @@ class _RtuUnit:
 
     def close(self) -> None:
         self._silence.set(None)
-        self._sender.close()
+        self._obeying.close()
 
     def _on_silence(self) -> None:
         is_due = self._decoder.deadline_ns is not None and loop_now_ns() >= self._decoder.deadline_ns
         self._answer(self._decoder.on_silence(loop_now_ns()))
-        if is_due and len(self._unread) >= MIN_ADU:
-            self._answer_garbled(self._unread)
-
-    def _answer_garbled(self, data: bytes) -> None:
-        """Some drives answer what the decoder made no frame of: a wrong check sum, to them."""
-        reply = self._bus.bad_crc_reply(data[0], data[1])
-        if reply is not None:
-            self._sender.send(encode_rtu(data[0], reply), self._delay(data[0]))
+        if is_due and len(self._unread) >= MIN_ADU and self._obeying.refuse_damaged(self._unread):
             self._unread = b""
             self._decoder.reset()
             self._silence.set(None)
 
     def _answer(self, requests: list[tuple[int, bytes]]) -> None:
         for unit_id, pdu in requests:
-            reply = self._bus.answer(unit_id, pdu, self._clock())
-            if reply is not None:
-                self._sender.send(encode_rtu(unit_id, reply), self._delay(unit_id))
+            self._obeying.obey(unit_id, pdu)
         if self._decoder.deadline_ns is None:
             self._unread = b""
         self._silence.set(self._decoder.deadline_ns)
+
+
+class _HearingUnit:
+    """Drives that hear each byte when it comes off the wire, and make frames of them as ``hearing`` says."""
+
+    def __init__(self, obeying: _Obeying, hearing: Hearing, line: SerialEndpoint, cable: Cable) -> None:
+        self._obeying = obeying
+        self.ear = Ear(hearing, line.baudrate, line.bits_per_character)
+        self._wire = PacedWire(line.baudrate, line.bits_per_character, cable.faults)
+        self._alarm = Alarm(self._listen)
+
+    def feed(self, data: bytes) -> None:
+        """Put bytes on the wire to the drives."""
+        self._wire.send(data, loop_now_ns())
+        self._listen()
+
+    def close(self) -> None:
+        self._alarm.set(None)
+        self._obeying.close()
+
+    def _listen(self) -> None:
+        now_ns = loop_now_ns()
+        for arrival in self._wire.arrivals(now_ns):
+            self._take(self.ear.hear(arrival))
+        self._take(self.ear.take(now_ns))
+        due = [each for each in (self._wire.deadline_ns, self.ear.deadline_ns) if each is not None]
+        self._alarm.set(min(due, default=None))
+
+    def _take(self, frame: bytes) -> None:
+        if frame:
+            self._obeying.obey(frame[0], frame[1 : len(frame) + 1 - ADU_OVERHEAD])
+        elif self.ear.damaged:
+            damaged, self.ear.damaged = self.ear.damaged, b""
+            self._obeying.refuse_damaged(damaged)
+
+
+class _Part(Protocol):
+    def close(self) -> None: ...
 
 
 class SerialDriveServer:
     """Drives on a serial port, given by a raw, non-blocking descriptor: a pty's master or an opened device.
 
     With ``wire`` the bytes take the time that they need at that port's baud rate, in both directions.
-    ``response_delay_s`` is that of all drives, or a function that takes a unit id.
+    ``response_delay_s`` is that of all drives, or a function that takes a unit id. ``cable`` says what the
+    line is like besides its baud rate; it wants ``wire``.
     """
 
     def __init__(
@@ -122,12 +177,22 @@ class SerialDriveServer:
         *,
         response_delay_s: float | Delay = 0.0,
         wire: SerialEndpoint | None = None,
+        cable: Cable = PLAIN,
     ) -> None:
         self.bus = bus
+        self.ear: Ear | None = None
+        """How its drives hear, where the cable says that."""
         channel = FdChannel(fd)
-        to_gateway = Lane(channel.send, wire)
-        unit = _RtuUnit(bus, clock, to_gateway.send, _same_delay(response_delay_s))
-        to_drives = Lane(unit.feed, wire)
+        to_gateway = Lane(channel.send, wire, cable.faults, cable.adapter)
+        obeying = _Obeying(bus, clock, to_gateway.send, _same_delay(response_delay_s))
+        if cable.hearing is not None and wire is not None:
+            hearing = _HearingUnit(obeying, cable.hearing, wire, cable)
+            self.ear = hearing.ear
+            self._parts: tuple[_Part, ...] = (channel, hearing, to_gateway)
+            channel.listen(hearing.feed)
+            return
+        unit = _RtuUnit(obeying)
+        to_drives = Lane(unit.feed, wire, cable.faults)
         self._parts = (channel, to_drives, unit, to_gateway)
         channel.listen(to_drives.send)
 
@@ -226,7 +291,7 @@ class _Connection(asyncio.Protocol):
 class _RtuConnection(_Connection):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
-        self._unit = _RtuUnit(self.bus, self.clock, self.send, self.delay)
+        self._unit = _RtuUnit(_Obeying(self.bus, self.clock, self.send, self.delay))
 
     def connection_lost(self, exc: Exception | None) -> None:
         super().connection_lost(exc)

@@ -1,11 +1,29 @@
 """A serial wire on the running loop: paced lanes, and a whole wire between two ports."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
 
 from gateway.simulator.clock import Alarm, loop_now_ns
-from gateway.simulator.pacing import PacedWire, WireFaults
+from gateway.simulator.ears import Hearing
+from gateway.simulator.pacing import AT_ONCE, Adapter, PacedWire, WireFaults
 from gateway.simulator.pty import FdChannel
 from gateway.transport.endpoints import SerialEndpoint
+
+
+@dataclass(frozen=True, slots=True)
+class Cable:
+    """What a serial line is like, besides its baud rate."""
+
+    adapter: Adapter = AT_ONCE
+    """Of the port that the gateway opens."""
+    faults: WireFaults | None = None
+    """On the wire, in both directions."""
+    hearing: Hearing | None = None
+    """What its drives take for frames; None: whole good frames, wherever they stand, at once."""
+
+
+PLAIN: Final = Cable()
 
 
 class Lane:
@@ -19,8 +37,9 @@ class Lane:
         deliver: Callable[[bytes], None],
         line: SerialEndpoint | None,
         faults: WireFaults | None = None,
+        adapter: Adapter = AT_ONCE,
     ) -> None:
-        self.wire = PacedWire(line.baudrate, line.bits_per_character, faults) if line else None
+        self.wire = PacedWire(line.baudrate, line.bits_per_character, faults, adapter) if line else None
         self._deliver = deliver
         self._alarm = Alarm(self._arrive)
 
@@ -45,14 +64,17 @@ class Lane:
 
 
 class SerialWire:
-    """Joins two ports, each given by the master descriptor of its pty; see :class:`Lane`."""
+    """Joins two ports, each given by the master descriptor of its pty; see :class:`Lane`.
+
+    The adapter of ``cable`` is that of the left port.
+    """
 
     def __init__(
-        self, left_fd: int, right_fd: int, line: SerialEndpoint | None, faults: WireFaults | None = None
+        self, left_fd: int, right_fd: int, line: SerialEndpoint | None, cable: Cable = PLAIN
     ) -> None:
         left, right = FdChannel(left_fd), FdChannel(right_fd)
-        self.to_right = Lane(right.send, line, faults)
-        self.to_left = Lane(left.send, line, faults)
+        self.to_right = Lane(right.send, line, cable.faults)
+        self.to_left = Lane(left.send, line, cable.faults, cable.adapter)
         self._parts = (left, right, self.to_right, self.to_left)
         left.listen(self.to_right.send)
         right.listen(self.to_left.send)

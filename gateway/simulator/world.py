@@ -22,7 +22,7 @@ from gateway.simulator.motion import Dynamics
 from gateway.simulator.ports import PortLinks
 from gateway.simulator.screw import worn_screw
 from gateway.simulator.server import RegisterServer
-from gateway.simulator.wire import SerialWire
+from gateway.simulator.wire import PLAIN, Cable, SerialWire
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 CONTROLLER_SUFFIX: Final = ".controller"
@@ -115,11 +115,18 @@ class World:
     """Everything outside the gateway: enter it to serve, leave it to take every port and link away.
 
     With ``paced`` serial bytes take the time that they need at the baud rate of their port, and drives of a
-    known make think about their replies as long as the make does.
+    known make think about their replies as long as the make does; ``cable`` is what its serial lines are like
+    besides.
     """
 
     def __init__(
-        self, plan: GatewayPlan, clock: SimulationClock, *, seed: int = 0, paced: bool = True
+        self,
+        plan: GatewayPlan,
+        clock: SimulationClock,
+        *,
+        seed: int = 0,
+        paced: bool = True,
+        cable: Cable = PLAIN,
     ) -> None:
         self.served: tuple[ServedLine, ...] = ()
         self.buses: dict[str, DriveBus] = {}
@@ -127,6 +134,7 @@ class World:
         self._clock = clock
         self._seed = seed
         self._paced = paced
+        self._cable = cable
         self._exits = AsyncExitStack()
         self._ports = PortLinks()
 
@@ -186,7 +194,9 @@ class World:
         pty = self._ports.make(Path(endpoint.device))
         wire = endpoint if self._paced else None
         delay = self._delay(bus, endpoint.baudrate)
-        server = SerialDriveServer(bus, self._clock, pty.master_fd, wire=wire, response_delay_s=delay)
+        server = SerialDriveServer(
+            bus, self._clock, pty.master_fd, wire=wire, response_delay_s=delay, cable=self._cable
+        )
         self._exits.callback(server.close)
 
     def _delay(self, bus: DriveBus, baudrate: int) -> Delay:
@@ -202,7 +212,10 @@ class World:
         gateway_side = self._ports.make(Path(endpoint.device))
         controller_side = self._ports.make(controller_path)
         wire = SerialWire(
-            gateway_side.master_fd, controller_side.master_fd, endpoint if self._paced else None
+            gateway_side.master_fd,
+            controller_side.master_fd,
+            endpoint if self._paced else None,
+            self._cable,
         )
         self._exits.callback(wire.close)
         return ControllerPath(link.plan.name, endpoint.device, str(controller_path))

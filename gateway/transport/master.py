@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Final, Protocol, Self
 
 from gateway.clock import boot_ns
+from gateway.modbus.crc import inverted_crc, residue_after
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from gateway.times import NS_PER_MS, NS_PER_S
@@ -176,6 +177,17 @@ class ModbusMaster:
             GarbledError: what came in time is no reply.
             LostError: the connection or the port is gone.
         """
+        return await self._ask(unit_id, pdu)
+
+    async def exchange_spoilt(self, unit_id: int, pdu: bytes) -> bytes:
+        """Send a request on an RTU line with both bytes of its check sum inverted: silence is what is right.
+
+        Returns the PDU of a reply that came all the same; raises as :meth:`exchange`.
+        """
+        assert not self._has_ids, "Modbus TCP has no check sums"
+        return await self._ask(unit_id, pdu, is_spoilt=True)
+
+    async def _ask(self, unit_id: int, pdu: bytes, *, is_spoilt: bool = False) -> bytes:
         async with self._turn:
             await self._wait_for_silence()
             if self._channel is None:
@@ -183,6 +195,9 @@ class ModbusMaster:
             self._heard = b""
             self._reply = asyncio.get_running_loop().create_future()
             frame = self._framing.request(unit_id, pdu)
+            if is_spoilt:
+                body = frame[: 1 + len(pdu)]
+                frame = body + inverted_crc(residue_after(body))
             self._sent_ns = boot_ns()
             self._channel.write(frame)
             self._quiet_ns = boot_ns() + len(frame) * self._channel.wire_ns_per_byte + self._gap()

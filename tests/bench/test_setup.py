@@ -37,3 +37,11 @@ def test_serial_ports(tmp_path: Path) -> None:
     (planned,) = load(write_setup(tmp_path, GatewaySetup((line,), points=0))).plan.lines
     assert str(planned.drives) == "/dev/far"
     assert planned.axes[0].table is None
+
+
+def test_a_line_that_cuts_through(tmp_path: Path) -> None:
+    ports = Controller(tty="/dev/near")
+    for wanted in (False, True):
+        line = LineSetup((ports,), drive_tty="/dev/far", baudrate=9600, cuts_through=wanted)
+        (planned,) = load(write_setup(tmp_path, GatewaySetup((line,)))).plan.lines
+        assert planned.cut_through == wanted

@@ -10,6 +10,9 @@ from pathlib import Path
 import pytest
 
 from gateway.ipc.place import SocketPlace
+from gateway.modbus.crc import is_intact
+from gateway.modbus.rtu import encode_rtu
+from gateway.simulator.pty import Pty
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.serial import open_port
 from tests.commands import typed
@@ -56,6 +59,32 @@ def drive(request: pytest.FixtureRequest) -> Iterator[tuple[str, list[bytes]]]:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         threading.Thread(target=answer, args=(listening, asked, counts), daemon=True).start()
         yield f'tcp = "127.0.0.1:{listening.getsockname()[1]}"', asked
+
+
+def answer_reads(port: int, asked: list[bytes], on_wrong_crc: bytes) -> None:
+    """Be a drive on a serial line, at position 50 000; ``on_wrong_crc``: PDU of what it says to that."""
+    while True:
+        try:
+            frame = os.read(port, 8)
+        except OSError:
+            return  # the test is over
+        while len(frame) < 8:
+            frame += os.read(port, 8 - len(frame))
+        asked.append(frame)
+        pdu = b"\x03\x04\x00\x00\xc3\x50" if is_intact(frame) else on_wrong_crc
+        if pdu:
+            os.write(port, encode_rtu(1, pdu))
+
+
+@pytest.fixture
+def serial_drive(request: pytest.FixtureRequest) -> Iterator[tuple[str, list[bytes]]]:
+    asked: list[bytes] = []
+    pty = Pty()
+    os.set_blocking(pty.master_fd, True)
+    thread = threading.Thread(target=answer_reads, args=(pty.master_fd, asked, request.param), daemon=True)
+    thread.start()
+    yield f'rtu = "{pty.path}", baudrate = 115200', asked
+    pty.close()
 
 
 def configured(folder: Path, drives: str, words: str = "high-first") -> Path:
@@ -109,6 +138,40 @@ def test_a_wrong_word_order_ends_with_code_1(tmp_path: Path, drive: tuple[str, l
     assert report["wrong"] is True
     assert report["positions"]["command"]["machine_position"] == 50.0
     assert 'try words = "high-first"' in report["findings"][0]["text"]
+
+
+OBEYS = b"\x03\x04\x00\x00\xc3\x50"
+FORBIDDEN = "\nregisters.checks_crc = false\n"
+
+
+@pytest.mark.parametrize(
+    ("serial_drive", "mapped", "did", "said"),
+    [
+        (b"", "", "silent", ""),
+        (b"", FORBIDDEN, "silent", "note: it is silent where a check sum is wrong, although its map says"),
+        (b"\x83\x08", "", "refused", "error: it answers a read with a wrong check sum, where the standard"),
+        (b"\x83\x08", FORBIDDEN, "refused", ""),
+        (OBEYS, "", "answered", "error: it obeys a read with a wrong check sum: noise can move it; write"),
+        (OBEYS, FORBIDDEN, "answered", "warning: it obeys a read with a wrong check sum: noise can move it"),
+    ],
+    indirect=["serial_drive"],
+)
+def test_a_drive_on_a_serial_line_is_asked_once_with_a_wrong_check_sum(
+    tmp_path: Path, serial_drive: tuple[str, list[bytes]], mapped: str, did: str, said: str
+) -> None:
+    config = configured(tmp_path, serial_drive[0])
+    config.write_text(config.read_text().rstrip("\n") + mapped)
+    result = typed("probe", str(config), "--json")
+    report = json.loads(result.stdout)["axes"]["x"]
+    assert report["on_wrong_crc"] == did
+    weight, _, text = said.partition(": ")
+    found = [(each["weight"], each["text"].startswith(text)) for each in report["findings"]]
+    assert found == ([(weight, True)] if said else [])
+    assert result.returncode == (1 if weight == "error" else 0)
+    # 03 006E 0002 of unit 1 has the check sum 0xD6A5, low byte first; the last one has it inverted.
+    assert serial_drive[1][0] == bytes.fromhex("01 03 00 6E 00 02 A5 D6")
+    assert serial_drive[1][-1] == bytes.fromhex("01 03 00 6E 00 02 5A 29")
+    assert [is_intact(frame) for frame in serial_drive[1]] == [True] * (len(serial_drive[1]) - 1) + [False]
 
 
 def test_drives_that_cannot_be_reached_are_named(tmp_path: Path, unused_tcp_port: int) -> None:

@@ -133,6 +133,21 @@ def test_a_drain_is_for_rtu_drives(tmp_path: Path) -> None:
     assert "transaction id" in problem.remedy
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        GOOD + SECOND_LINE.replace("[line.b]", "[line.b]\ncut_through = true"),
+        edited(('rtu = "/dev/serial/by-id/usb-A"\nbaudrate = 38400', 'tcp = "127.0.0.1:1503"')).replace(
+            "[line.xyz]", "[line.xyz]\ncut_through = true"
+        ),
+    ],
+)
+def test_cut_through_is_for_a_line_between_two_serial_ports(tmp_path: Path, text: str) -> None:
+    line = "b" if "[line.b]" in text else "xyz"
+    problem = only(refused(tmp_path, text), f"line.{line}.cut_through")
+    assert "byte by byte" in problem.remedy
+
+
 def test_an_open_port_without_allow_is_warned_of(tmp_path: Path) -> None:
     text = edited(("127.0.0.1:1502", "0.0.0.0:1502"))
     [warning] = loaded(tmp_path, text).warnings

@@ -87,6 +87,7 @@ def test_the_example_as_it_stands_with_its_defaults_written_out(folder: Path) ->
         "write",
         "exception",
         "safe_read",
+        "checks_crc",
         "max_registers",
         "response_timeout_ms",
         "turnaround_ms",

@@ -93,6 +93,7 @@ def test_the_registers_of_an_axis(tmp_path: Path) -> None:
     assert axis.commanded == ()
     assert axis.bits == {"homed": BitField(0x0140, 6), "done": BitField(0x0140, 1)}
     assert (axis.writes_with, axis.max_registers, axis.safe_read) == (Form.FC16, 123, True)
+    assert axis.checks_crc
     assert (axis.added_frames, axis.exception_writes_nothing) == (True, False)
     assert (axis.compensation, axis.referenced) == (CompensationMode.ON, Reference.DRIVE_BIT)
 
@@ -134,7 +135,7 @@ def test_an_axis_that_says_everything(tmp_path: Path) -> None:
         ('referenced = "drive-bit"', 'referenced = "absolute"'),
     )
     text += 'commanded = [{ address = 0x0530, type = "float32", scale = 10 }]\n'
-    text += 'exception = "nothing-written"\nsafe_read = false\nmax_registers = 10\n'
+    text += 'exception = "nothing-written"\nsafe_read = false\nchecks_crc = false\nmax_registers = 10\n'
     axis = only_axis(tmp_path, text, {"cnc10x.tab": ONE_WAY})
     assert axis.settings == AxisSettings(
         units=Units.MM,
@@ -159,7 +160,7 @@ def test_an_axis_that_says_everything(tmp_path: Path) -> None:
     assert axis.commanded == (PositionField(0x0530, RegisterType.FLOAT32, WordOrder.HIGH_FIRST, 10.0),)
     assert (axis.compensation, axis.referenced) == (CompensationMode.SHADOW, Reference.ABSOLUTE)
     assert (axis.added_frames, axis.exception_writes_nothing, axis.safe_read) == (False, True, False)
-    assert axis.max_registers == 10
+    assert (axis.checks_crc, axis.max_registers) == (False, 10)
 
 
 @pytest.mark.parametrize(
@@ -214,6 +215,12 @@ def test_the_drive_that_needs_the_longest_silence_sets_the_pace_of_its_line(tmp_
     text = edited(("[line.xyz]", "[line.xyz]\ngap_ms = 4\ndrain_ms = 250\nturnaround_ms = 150"))
     text = edited(("[line.xyz]", "[line.xyz]\nresponse_timeout_ms = 300"), text=text) + "gap_ms = 10.5\n"
     assert only_line(tmp_path, text).timing == LineTiming(300.0, 250.0, 150.0, 10.5)
+
+
+def test_cut_through_is_off_unless_it_is_asked_for(tmp_path: Path) -> None:
+    assert only_line(tmp_path, GOOD).cut_through is False
+    text = edited(("[line.xyz]", "[line.xyz]\ncut_through = true"))
+    assert only_line(tmp_path, text).cut_through is True
 
 
 def test_what_a_drive_takes_to_answer_reaches_the_plan(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ def test_what_is_left_out_has_the_documented_values() -> None:
     assert registers.command[0].words is WordOrder.HIGH_FIRST
     assert registers.command[0].scale == 1.0
     assert registers.safe_read
+    assert registers.checks_crc
     assert registers.write is Form.FC16
     assert (registers.max_registers, registers.gap_ms, registers.staged) == (123, 0.0, False)
     assert registers.response_ms is None

@@ -484,6 +484,8 @@ def a_transaction(phase: Phase) -> Transaction:
     if phase is Phase.PREREQUISITE:
         transaction.need(read_word(an_axis(), 0x10))
         transaction.leave(1, 1, MS)
+    elif phase is Phase.LEAVING:
+        transaction.lead()
     elif phase is Phase.SENT:
         transaction.leave(1, 1, MS)
     elif phase is Phase.ENDED:
@@ -503,6 +505,7 @@ def test_a_transaction_goes_on_as_the_table_says(phase: Phase, after: Phase) -> 
     steps: dict[Phase, Callable[[], None]] = {
         Phase.WAITING: transaction.learn,
         Phase.PREREQUISITE: lambda: leave(transaction, read_word(an_axis(), 0x10)),
+        Phase.LEAVING: transaction.lead,
         Phase.SENT: lambda: leave(transaction, None),
         Phase.ENDED: lambda: transaction.end(next(iter(OUTCOMES[phase]))),
     }
@@ -523,6 +526,7 @@ def test_only_what_left_can_be_answered_and_only_what_did_not_can_be_withdrawn(
     may = {
         Phase.WAITING: outcome is Outcome.NEVER_SENT,
         Phase.PREREQUISITE: outcome is Outcome.NEVER_SENT,
+        Phase.LEAVING: outcome is Outcome.NEVER_SENT,
         Phase.SENT: outcome is not Outcome.NEVER_SENT,
         Phase.ENDED: False,
     }[phase]
@@ -587,4 +591,5 @@ def test_no_way_leads_to_sending_twice() -> None:
         ways = [(*way, after) for way in ways for after in PHASE_AFTER[way[-1]]]
         for way in ways:
             assert way.count(Phase.SENT) <= 1
+            assert way.count(Phase.LEAVING) <= 1
             assert all(b in PHASE_AFTER[a] for a, b in pairwise(way))

@@ -13,14 +13,17 @@ from pymodbus import FramerType
 from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
 from pymodbus.client.base import ModbusBaseClient
 
+from gateway.modbus.crc import append_crc, inverted_crc, residue_after
 from gateway.simulator.axis import DEFAULT_REGISTERS, SimulatedAxis
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.drive import SimulatedDrive
+from gateway.simulator.ears import Hearing
 from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
 from gateway.simulator.errors import SimulatorError
 from gateway.simulator.mechanics import Encoder, Mechanics
-from gateway.simulator.pty import Pty, open_serial
+from gateway.simulator.pty import FdChannel, Pty, open_serial
 from gateway.simulator.screw import Screw
+from gateway.simulator.wire import Cable as WireCable
 from gateway.simulator.wire import SerialWire
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import LostError, ModbusMaster, SilentError
@@ -246,3 +249,56 @@ def _opened(cable: Cable, pty: Pty) -> int:
     fd = open_serial(pty.path)
     cable.exits.callback(os.close, fd)
     return fd
+
+
+class Complaining(SimulatedDrive):
+    """Says so where a check sum is wrong, as some drives do."""
+
+    def bad_crc_reply(self, function: int) -> bytes | None:
+        return bytes((function | 0x80, 8))
+
+
+@pytest.mark.parametrize(
+    ("hearing", "obeyed"),
+    [
+        (Hearing.STANDARD, False),
+        (Hearing.ANY_LENGTH, False),
+        (Hearing.MERGING, False),
+        (Hearing.NO_CHECK, True),
+    ],
+)
+async def test_drives_on_a_pty_hear_as_they_were_told_to(hearing: Hearing, obeyed: bool) -> None:
+    port = Pty()
+    axis = SimulatedAxis("x", DEFAULT_REGISTERS, Mechanics(Screw(), Encoder(1000.0)))
+    bus = DriveBus([Complaining(1, [axis])])
+    line = SerialEndpoint("", baudrate=115_200)
+    server = SerialDriveServer(
+        bus, SteppedClock(), port.master_fd, wire=line, cable=WireCable(hearing=hearing)
+    )
+    fd = open_serial(port.path)
+    channel = FdChannel(fd)
+    came: asyncio.Queue[bytes] = asyncio.Queue()
+    channel.listen(came.put_nowait)
+
+    async def answer(frame: bytes, length: int) -> bytes:
+        channel.send(frame)
+        got = b""
+        while len(got) < length:
+            got += await asyncio.wait_for(came.get(), 20)
+        return got
+
+    acknowledgement = append_crc(pack(">BBHH", 1, 16, COMMAND, 2))
+    try:
+        good = append_crc(pack(">BBHHBi", 1, 16, COMMAND, 2, 4, 1234))
+        assert await answer(good, 8) == acknowledgement
+        spoilt = good[:-2] + inverted_crc(residue_after(good[:-2]))
+        expected = acknowledgement if obeyed else append_crc(b"\x01\x90\x08")
+        assert await answer(spoilt, len(expected)) == expected
+    finally:
+        channel.close()
+        server.close()
+        os.close(fd)
+        port.close()
+    assert len(bus.ledger.writes_to(1, COMMAND)) == 1 + obeyed
+    assert server.ear is not None
+    assert server.ear.frames_odd == 1 - obeyed

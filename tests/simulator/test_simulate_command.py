@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from struct import pack
 
@@ -93,6 +94,25 @@ async def test_every_drive_of_a_configuration_can_be_talked_to(configuration: Pa
         _, errors = process.communicate(timeout=20)
         assert (process.returncode, errors) == (0, "")
     assert sorted(p.name for p in configuration.parent.iterdir()) == ["gateway.toml"]
+
+
+async def test_a_line_may_be_as_bad_as_its_adapter_and_its_drives_are(configuration: Path) -> None:
+    options = ["--latency-timer", "16", "--lump", "14", "--jitter", "1", "--hearing", "standard", "--json"]
+    with started([*COMMAND_LINE, str(configuration), *options], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        address = json.loads(process.stdout.readline())["lines"][0]["address"]
+        async with ModbusMaster(SerialEndpoint(address), 5000.0) as master:
+            begun_s = time.monotonic()
+            assert await master.exchange(4, pack(">BHH", 3, 0x50, 2)) == b"\x03\x04\x00\x00\x00\x00"
+            assert time.monotonic() - begun_s >= 0.016  # nine bytes wait for the timer
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20) == 0
+
+
+def test_a_hearing_that_there_is_not_is_refused(configuration: Path) -> None:
+    result = CliRunner().invoke(app, ["simulate", str(configuration), "--hearing", "well"])
+    assert result.exit_code == 1
+    assert "--hearing well: it must be one of standard, any-length, merging, no-check" in result.stderr
 
 
 def test_what_is_served_is_said_for_people_too(configuration: Path) -> None:

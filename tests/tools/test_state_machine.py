@@ -165,7 +165,7 @@ def test_a_reference_shows_the_states_that_it_comes_to() -> None:
 
 def test_the_phases_and_outcomes_are_those_of_the_tables() -> None:
     text = state_machine.transactions()
-    steps = cells(text, "| phase | `leave` | `learn` | `end` |")
+    steps = cells(text, "| phase | `leave` | `lead` | `learn` | `end` |")
     found = {
         (Phase(phase), Phase(then.strip("` ")))
         for (phase, _), all_ in steps.items()

@@ -2,15 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from gateway.compensation.settings import ThermalSettings
 from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, Late, Reference, Role
 from tests.exchange.line_bench import ACTUAL, COMMAND
 from tests.exchange.staged_bench import BITS, DEEDS, RUN, RUN_RELATIVE, TRIGGER
+from tests.verify.designs_rules import ask
 from tests.verify.rules import LIMIT
-from tests.verify.world import TICK_MS, Design
+from tests.verify.world import TICK_MS, Design, Happening
 
 Plan = Callable[..., AxisPlan]
 Make = Callable[..., Design]
@@ -30,6 +31,7 @@ WITH_MONITOR: Final = (
     ControllerPlan("hmi", role=Role.MONITOR, timeout_ms=float(TICK_MS)),
 )
 SERIAL: Final = (ControllerPlan("cnc", timeout_ms=float(TICK_MS), serial=True),)
+TWO_SERIAL: Final = (*SERIAL, ControllerPlan("plc", timeout_ms=float(TICK_MS), serial=True))
 STEP_OF_5: Final = replace(COMMAND, scale=5.0)
 STEP_OF_2: Final = replace(ACTUAL, scale=2.0)
 STEP_OF_10: Final = replace(ACTUAL, scale=10.0)
@@ -42,6 +44,7 @@ def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[
         *_registers(small, small_staged, plan, staged),
         *_functions(small, small_staged, plan),
         *_wires(small, small_staged, plan),
+        *_cut_through(small, small_staged, plan),
         *_lines(small, small_staged, plan, staged),
     )
 
@@ -303,6 +306,77 @@ def _wires(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, ...]:
             is_bytes=True,
             is_rtu=True,
             checks_way_back=False,
+        ),
+    )
+
+
+CUT_UP: Final[dict[str, Any]] = {"is_bytes": True, "is_rtu": True, "is_cut": True, "controllers": SERIAL}
+SEEN_THERE: Final = (*ask("to", 0), ("arrive", 0), *ask("read"))
+"""An axis is steady where it was seen to arrive, and its next target may be cut through."""
+
+
+def _leaves(name: str, *before: Happening) -> tuple[Happening, ...]:
+    """Let a request leave in pieces; what else can happen is tried in each state on this way."""
+    target = (0,) if name == "to" else ()
+    return (*before, ("half", 0, name, 0, *target), ("lead",), ("more",), ("tail",), ("drive", "ack"))
+
+
+REFUSED: Final = (*SEEN_THERE, ("half", 0, "to", 0, 1), ("lead",), ("more",), ("tail",), ("wait",))
+"""What its words tell is that the axis turns round: the frame is spoilt, and leaves stored."""
+
+
+def _cut_through(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, ...]:
+    """Requests that leave while they arrive, and what may come between."""
+    both: dict[str, Any] = {
+        "menu": ("to", "read"),
+        "targets": (9007,),
+        "ways": (_leaves("to", *SEEN_THERE), _leaves("read", *SEEN_THERE)),
+        **CUT_UP,
+    }
+    return (
+        small(
+            "b-rtu-cut",
+            "reads leave while they arrive: bad check sums, silence in the middle, bytes of the drives",
+            **both
+            | {"menu": ("read", "status"), "happenings": ("wait", "half", "tail_bad", "noise"), "ways": ()},
+        ),
+        small(
+            "b-rtu-cut-to",
+            "the same of a target and of reads",
+            **both | {"happenings": ("arrive", "wait", "half", "tail_bad", "noise")},
+        ),
+        small(
+            "b-rtu-cut-turns",
+            "the same: a target on the other side of the one before, of which only the words tell that",
+            **both | {"happenings": ("arrive", "wait", "half"), "targets": (9007, 5003), "ways": (REFUSED,)},
+        ),
+        small(
+            "b-rtu-cut-anew",
+            "the same: another request in one read with its rest",
+            **both | {"happenings": ("arrive", "wait", "half", "anew")},
+        ),
+        small(
+            "b-rtu-cut-link",
+            "the same: the port of its controller, or the way to the drives, is lost meanwhile",
+            **both | {"happenings": ("arrive", "wait", "half", "disconnect", "unplug", "plug")},
+        ),
+        small(
+            "b-rtu-cut-changes",
+            "the same: another table, or off and on, meanwhile",
+            **both | {"happenings": ("arrive", "wait", "half", "table", "switch")},
+        ),
+        small(
+            "b-rtu-cut-killed",
+            "the same: the gateway is killed meanwhile",
+            **both | {"happenings": ("arrive", "wait", "half", "kill"), "has_record": True},
+        ),
+        small_staged(
+            "b-rtu-cut-stop",
+            "the same: another controller stops the axis, or reads, meanwhile",
+            menu=("read", "stop"),
+            happenings=("wait", "half"),
+            ways=(_leaves("read", *ask("read")),),
+            **CUT_UP | {"controllers": TWO_SERIAL},
         ),
     )
 

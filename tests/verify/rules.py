@@ -977,6 +977,9 @@ def judge_waiting(world: "World") -> None:
     is_slow = world.design.response_ticks > 1  # a request may be given up while another one is answered
     if state.wire is not None or not state.is_up or world.is_resting() or is_slow:
         return
+    way = world.on_its_way()
+    if way is not None and way.phase is Phase.LEAVING:
+        return
     for port, transaction_id in state.order:
         request, plan = find(world, port, transaction_id), world.design.controllers[port]
         is_passing = world.said(0).compensation in PASSING and not facts.is_own_blocked(world, 0)

@@ -22,6 +22,8 @@ from gateway.exchange.axis import transitions
 from gateway.exchange.axis.registers import Completeness
 from gateway.exchange.axis.state import HOMING, Block
 from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.cut_line import ReplyCutter, RequestCutter
+from gateway.exchange.cut_through import Cut
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import compensation_state, direction_state
 from gateway.exchange.transaction import PHASE_AFTER, Phase, Stopping
@@ -55,6 +57,13 @@ LEFT_OUT: Final = {
     "whole": "the same",
     "_asked_unit_id": "of these figures",
     "_damaged_before": "the same",
+    "requests": "figures for the status",
+    "requests_stored": "the same",
+    "requests_gain_ns": "the same",
+    "replies_stored": "the same",
+    "replies_gain_ns": "the same",
+    "on_change": "a function of the world",
+    "tell_no_gain": "the same",
     "_from_nominal": "of a run of targets, which ends before a state is kept",
     "_from_corrected": "the same",
     "_to_nominal": "the same",
@@ -92,6 +101,7 @@ NOT_COMPARED: Final = {
     "_rendering": "a cache of the draft",
     "frame": "what the bytes of a request say: they are compared",
     "frames": "the same",
+    "early_ns": "figures of an exchange",
 }
 """Attributes that are put back and not compared, by name."""
 NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
@@ -107,6 +117,8 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "_drained_at_last_ns": lambda each: each.is_draining,
     "_steady_map": lambda each: each.is_steady,
     "_last_byte_ns": lambda each: each._buffer,
+    "_last_ns": lambda each: each._cut is not None and each._cut.state is Cut.BEGUN,
+    "_now_ns": lambda each: not isinstance(each, RequestCutter | ReplyCutter),
 }
 """Attributes that count only while something else holds; else they are taken for nothing."""
 ONLY_OF_A_RECORD: Final = ("_way",)
@@ -578,7 +590,7 @@ class Lens:
         for name, value in pairs:
             if name == "path":
                 found.append(value is not None)
-            elif name == "target":
+            elif name in ("target", "_target"):
                 found.append(None if value is None else self._draft(value))
             elif name in CARRIED_COUNTERS:
                 found.append(self._carried_counter(value))

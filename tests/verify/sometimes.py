@@ -20,6 +20,7 @@ _KNOWN: Final = {"arrived", "stopped", "done-said", "seen-there", "may-have-left
 NOT_MET: Final[dict[str, str]] = {
     "event budget-kept": "the time budget is measured on a machine, not in a world",
     "event budget-overrun": "the time budget is measured on a machine, not in a world",
+    "event cut-through-off": "how ports hand bytes over is not learned in a world",
     "event late-reply": "late frames come while the line waits for silence anyway",
     "event stood-still": "told by the process that stood still",
     "event unknown-unit": "other unit ids are in no world",

@@ -82,10 +82,21 @@ class AtOnce:
     def discard(self) -> None:
         """Nothing is held back."""
 
+    def close(self) -> None:
+        """Nothing is held back."""
+
     def send(self, frame: bytes) -> None:
         """Send."""
         if self._channel is not None:
             self._channel.write(frame)
+
+    def may_begin(self, _now_ns: int) -> bool:
+        """Whether there is somewhere to write to."""
+        return self._channel is not None
+
+    def add(self, piece: bytes) -> None:
+        """Send a piece of a frame."""
+        self.send(piece)
 
 
 class BytesLink(MbapDriveLink):
@@ -124,6 +135,7 @@ class Door(Requests):
     def __init__(self, line: LineExchange) -> None:
         super().__init__(NeverStoodStill())
         self._line = line
+        self.cuts = line.cuts
 
     def request(
         self, port: AnyPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int, **why: str
@@ -332,6 +344,10 @@ class BytesWorld(World):
 
 def world_of(design: Design) -> World:
     """Return the world of a design."""
+    if design.is_cut:
+        from tests.verify.wires_cut import CutWorld
+
+        return CutWorld(design)
     if design.is_rtu:
         from tests.verify.wires_rtu import RtuWorld
 

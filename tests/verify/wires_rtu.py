@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any, Final
 from unittest import mock
 
+from gateway.exchange.cut_line import Wire as LineWire
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.modbus.crc import is_intact
@@ -44,8 +45,13 @@ class Due:
     def pass_by(self) -> None:
         """Let every silence pass that is waited for."""
         while self.deadline_ns is not None:
-            deadline_ns, self.deadline_ns = self.deadline_ns, None
-            self._callback(deadline_ns)
+            self.pass_once()
+
+    def pass_once(self) -> None:
+        """Let what is waited for now come."""
+        assert self.deadline_ns is not None
+        deadline_ns, self.deadline_ns = self.deadline_ns, None
+        self._callback(deadline_ns)
 
 
 class WirePipe(Pipe):
@@ -80,15 +86,19 @@ class Instant(Door):
         """See ``TimedExchange``."""
         self._line.link_up(self.now_ns)
 
+    def link_down(self, _now_ns: int) -> None:
+        """See ``TimedExchange``."""
+        self._line.link_down(self.now_ns)
+
 
 class RtuLink(RtuDriveLink):
     """The real link, which tells what left over it and what it does not wait for any more."""
 
-    def __init__(self) -> None:
+    def __init__(self, pipe: type[WirePipe] = WirePipe) -> None:
         super().__init__(0, RtuReplyDecoder())
         self.sent: list[tuple[int, bytes]] = []
         self.is_abandoned = False
-        self.pipe = WirePipe(lambda _number, unit_id, pdu: self.sent.append((unit_id, pdu)))
+        self.pipe = pipe(lambda _number, unit_id, pdu: self.sent.append((unit_id, pdu)))
 
     def abandon(self) -> None:
         """See ``DriveLink``."""
@@ -99,30 +109,51 @@ class RtuLink(RtuDriveLink):
 class RtuSide(BytesSide):
     """One gateway between two serial lines, whose ports and link are the real ones."""
 
+    pipe_kind: type[WirePipe] = WirePipe
+    """Of the wire of the drives."""
+    port_wire: LineWire | None = None
+    """Of the controllers, where frames are cut through."""
+
     def __init__(self, design: Design, tell: Callable[[Event], None]) -> None:
         self.link: Any
         with (
             mock.patch("gateway.relay.drive_link.PacedSender", AtOnce),
             mock.patch("gateway.relay.drive_link.Timer", Due),
         ):
-            link: Any = RtuLink()
-        self.link = link
-        self.line = LineExchange(design.plans, TIMING, link, tell, design.groups)
-        self.door = Instant(self.line)
-        link.attach(self.door)
+            link: Any = RtuLink(self.pipe_kind)
+            self.link = link
+            self.line = self.line_of(design, tell)
+            self.door = self.door_of(self.line)
+            link.attach(self.door)
         self.ports, self.pipes = [], []
         for plan in design.controllers:
-            port: Any = RtuControllerPort(plan, self.door, RtuRequestDecoder(), 0)
+            port: Any = RtuControllerPort(plan, self.door, RtuRequestDecoder(), 0, self.port_wire)
             port.replies = []
             self.ports.append(port)
             self.pipes.append(WirePipe(partial(_keep, port)))
-        for port, pipe in zip(self.ports, self.pipes, strict=True):
-            with (
-                mock.patch("gateway.relay.controller_port.PacedSender", AtOnce),
-                mock.patch("gateway.relay.controller_port.Timer", Due),
-            ):
-                port.opened(pipe, 0)
-        self.lens = Lens([self.line, *self.ports, *self.pipes, link], TICK_NS, design.horizon_ticks)
+        for number in range(len(self.ports)):
+            self.open_port(number, 0)
+        self.lens = Lens(self.roots(), TICK_NS, design.horizon_ticks, has_record=design.has_record)
+
+    def line_of(self, design: Design, tell: Callable[[Event], None]) -> LineExchange:
+        """Return the line."""
+        return LineExchange(design.plans, TIMING, self.link, tell, design.groups)
+
+    def door_of(self, line: LineExchange) -> Instant:
+        """Return where ports and link bring whole frames."""
+        return Instant(line)
+
+    def roots(self) -> list[object]:
+        """Return what all that is kept hangs from."""
+        return [self.line, *self.ports, *self.pipes, self.link]
+
+    def open_port(self, number: int, now_ns: int) -> None:
+        """Open the port of a controller."""
+        with (
+            mock.patch("gateway.relay.controller_port.PacedSender", AtOnce),
+            mock.patch("gateway.relay.controller_port.Timer", Due),
+        ):
+            self.ports[number].opened(self.pipes[number], now_ns)
 
     def open(self, now_ns: int) -> None:
         """See ``BytesSide``."""

@@ -358,6 +358,8 @@ class State(NamedTuple):
     """Controller and number of requests that the gateway may still have waiting, for nobody."""
     half: tuple[Any, ...] = ()
     """A request of which a part has come: its words in the menu, and since how many ticks."""
+    come: int = 0
+    """How many bytes of it have come."""
     split: tuple[int, bytes] | tuple[()] = ()
     """The unit id and the rest of a reply of which a part has come."""
     owed: tuple[tuple[str, str], ...] = ()
@@ -417,6 +419,8 @@ class Design:
     """The drive keeps a target that comes while it goes to another one, and goes there afterwards."""
     is_rtu: bool = False
     """The same of RTU (``tests.verify.wires_rtu``)."""
+    is_cut: bool = False
+    """Of RTU, and requests leave while they arrive (``tests.verify.wires_cut``)."""
     retry_ms: float = 0.0
     """After so long a drive is tried again that left three requests unanswered; 0: it is always asked."""
     late_ticks: int = DRAIN_TICKS

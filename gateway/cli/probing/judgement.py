@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final
 
-from gateway.cli.probing.readings import AxisReadings, Place, Reading
+from gateway.cli.probing.readings import AxisReadings, OnWrongCrc, Place, Reading
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.settings import AxisSettings
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import ALARM_BIT, DONE_BIT, HOMED_BIT, MOVING_BIT, AxisPlan, Reference
 from gateway.modbus.registers import PositionField, WordOrder
 
+FORBID: Final = "write checks_crc = false into its registers, so that nothing is cut through to it"
 HIGH_WORD: Final = 0x10000
 
 
@@ -74,7 +75,26 @@ def findings_of(found: AxisReadings) -> list[Finding]:
         reading = found.of(name)
         if reading is not None:
             findings += _place_of(found, reading)
-    return [*findings, *_order_untold(found), *_agreement(found), *_steadiness(found), *_unit_ids(found)]
+    return [
+        *findings,
+        *_order_untold(found),
+        *_agreement(found),
+        *_steadiness(found),
+        *_unit_ids(found),
+        *_check_sums(found),
+    ]
+
+
+def _check_sums(found: AxisReadings) -> Iterator[Finding]:
+    """Whether the map says what the drive does with a wrong check sum."""
+    did, is_mapped = found.on_wrong_crc, found.plan.checks_crc
+    if did is OnWrongCrc.ANSWERED:
+        text = "it obeys a read with a wrong check sum: noise can move it"
+        yield _warning(text) if not is_mapped else _error(f"{text}; {FORBID}")
+    elif did is OnWrongCrc.REFUSED and is_mapped:
+        yield _error(f"it answers a read with a wrong check sum, where the standard wants silence; {FORBID}")
+    elif did is OnWrongCrc.SILENT and not is_mapped:
+        yield _note("it is silent where a check sum is wrong, although its map says checks_crc = false")
 
 
 def _note(text: str) -> Finding:

@@ -1,7 +1,8 @@
 """Reading what a register map names, as the gateway itself would read it, and nothing else."""
 
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass, field
+from enum import Enum
 from math import isfinite
 from typing import Final, Protocol
 
@@ -11,13 +12,23 @@ from gateway.exchange.plan import AxisPlan
 from gateway.ipc.plan import LinePlan
 from gateway.modbus.pdu import ExceptionCode, is_exception
 from gateway.modbus.registers import BitField, FieldAccess, PositionField
-from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import NoReplyError
 
 LAST_UNIT_ID: Final = 247
 """Of one device: Modbus over serial line V1.02, section 2.2."""
 SILENT_READS: Final = 2
 """After so many reads without any reply a drive is not asked any more."""
+
+
+class OnWrongCrc(Enum):
+    """What a drive does with a read whose check sum is wrong."""
+
+    SILENT = "silent"
+    REFUSED = "refused"
+    """It answers with an exception."""
+    ANSWERED = "answered"
+    """It obeys."""
 
 
 class Asking(Protocol):
@@ -88,6 +99,8 @@ class AxisReadings:
     """The actual position once more, last of all."""
     unused: UnusedUnit | None = None
     """A unit id that nothing is known of, where it was asked."""
+    on_wrong_crc: OnWrongCrc | None = None
+    """None: it was not asked so."""
     left_out: list[str] = field(default_factory=list)
     """What was not read, and why."""
 
@@ -146,6 +159,26 @@ async def ask_unused_unit(master: Asking, line: LinePlan, found: AxisReadings) -
     except NoReplyError:
         is_answered = False
     found.unused = UnusedUnit(unit_id, is_answered=is_answered)
+
+
+async def ask_with_wrong_crc(
+    ask: Callable[[int, bytes], Awaitable[bytes]], line: LinePlan, found: AxisReadings
+) -> None:
+    """Read what the axis has just told once more, with a wrong check sum: a drive is to say nothing (W12).
+
+    Only on a serial line: only there a gateway sends such frames. ``ask`` is ``exchange_spoilt`` of a
+    ``ModbusMaster``.
+    """
+    told = next((reading for reading in found.readings.values() if reading.words), None)
+    if told is None or not isinstance(line.drives, SerialEndpoint):
+        return
+    frame = frame_of(Axis(found.plan), told.place)
+    try:
+        reply = await ask(found.plan.unit_id, frame.pdu)
+    except NoReplyError:
+        found.on_wrong_crc = OnWrongCrc.SILENT
+    else:
+        found.on_wrong_crc = OnWrongCrc.REFUSED if is_exception(reply) else OnWrongCrc.ANSWERED
 
 
 def places_of(plan: AxisPlan) -> list[Place]:

@@ -47,6 +47,15 @@ LINE: Final[Texts] = {
             "Longer than the pauses inside one cycle of the motion controller, shorter than its cycle"
         ),
     ),
+    "cut_through": Said(
+        meaning=(
+            "`true`: where controller and drives are both on serial ports a request that is known begins "
+            "to leave while it still arrives, and so does its reply; all else is stored and forwarded. "
+            "Of a write of one position 4 of 13 characters are waited for, of its reply 2 of 8. What turns "
+            "out to be damaged, or may not pass, ends with a check sum of which both bytes are wrong: only "
+            "for drives that look at the check sum of what they are told"
+        ),
+    ),
     "other_units": Said(
         meaning=(
             "unit ids of further devices on the line: what is for them passes as it is, and is no trouble. "

@@ -27,7 +27,7 @@ class Outcome(Enum):
     BROADCAST = "broadcast"
     """It went to every drive, and none of them answers."""
     NEVER_SENT = "never-sent"
-    """Refused, withdrawn or given up before its first byte left."""
+    """Refused, withdrawn or given up before it left, or spoilt while it did."""
 
 
 class Happening(Enum):

@@ -1,0 +1,190 @@
+"""Cut-through over pseudo terminals with paced wires, while the machine is idle and while it is busy."""
+
+import json
+import os
+import subprocess
+import sys
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any, Final
+
+from bench.context import Bench
+from bench.errors import BenchError
+from bench.figures import Interval
+from bench.gateway_process import gateway_command, start_gateway
+from bench.gateway_setup import Controller, GatewaySetup, LineSetup
+from bench.measuring import Load, Way, start_drive
+from bench.places import ROOT
+from bench.processes import Process, Processes, environment
+from bench.realtime import realtime_refused
+from bench.results import Goal, Section, Table
+from bench.serial_times import round_trip_ns
+from gateway.simulator.pty import Pty
+
+BAUDRATE: Final = 9600
+RELAY_PRIORITY: Final = 50
+ENDS_PRIORITY: Final = 60
+"""Wires, controller and drive keep better time than what is measured, where that is allowed."""
+ENDLESS: Final = "while True: pass"
+KINDS: Final = ("write", "cycle")
+ROUND: Final = 150
+"""Exchanges of each kind in a round: one ends after ten that went wrong."""
+LEARNED: Final = 120
+"""The first exchanges of each kind, from which the ports learn what they need."""
+BUSY_FIFO: Final = "a busy machine, `fifo`"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One way to run the gateway."""
+
+    name: str
+    rounds: int
+    cuts_through: bool = True
+    fifo: bool = False
+    is_busy: bool = False
+
+
+CASES: Final = (
+    Case("stored, an idle machine", 1, cuts_through=False),
+    Case("an idle machine", 3),
+    Case(BUSY_FIFO, 12, fifo=True, is_busy=True),
+    Case("a busy machine", 3, is_busy=True),
+)
+
+
+@dataclass
+class Seen:
+    """What was seen of one case."""
+
+    writes_ns: list[int]
+    """How long writes took, of those that were measured."""
+    answered: int = 0
+    failed: int = 0
+    """Replies that did not come, or that were no frame."""
+    written: int = 0
+    """Writes that the drive took beyond those that its controller sent."""
+    pauses: int = 0
+    longest_us: int = 0
+    through: str = ""
+    spoilt: str = ""
+
+
+def add_to(section: Section, bench: Bench) -> None:
+    """Measure all cases, and add them to a section."""
+    refused = realtime_refused(ENDS_PRIORITY)
+    section.text.append(
+        f"In real time: wires of {BAUDRATE} Bd with 10 bits for a character between pseudo terminals, as "
+        "processes of their own, a controller and a drive in C. The controller writes positions; then it "
+        "writes one, reads it back and reads four registers in turns. *Pauses* is how often a wire was "
+        "silent inside of a frame, of whatever length; *asked again* how many replies did not come or were "
+        "no frame. Busy: an endless loop for each processor, at the usual priority."
+    )
+    if refused:
+        section.text.append(f"This machine refuses real-time scheduling: {refused}.")
+    rows = []
+    for case in CASES:
+        if case.fifo and refused:
+            continue
+        bench.say(f"cut-through between pseudo terminals: {case.name}")
+        seen = _seen(bench, case, 0 if refused else ENDS_PRIORITY)
+        rows.append(_row(case, seen))
+        section.goals += _goals(case, seen)
+    heads = (
+        "", "write p50 ms", "added ÷ direct", "exchanges", "cut through", "spoilt", "asked again",
+        "pauses", "longest µs",
+    )  # fmt: skip
+    caption = f"Between pseudo terminals, {BAUDRATE} Bd. Cut through and spoilt: requests + replies."
+    section.tables.append(Table(heads, tuple(rows), caption))
+
+
+def _row(case: Case, seen: Seen) -> tuple[str, ...]:
+    write_ns = median(seen.writes_ns)
+    added = write_ns / round_trip_ns(BAUDRATE, 1) - 1
+    counts = (seen.answered, seen.through, seen.spoilt, seen.failed, seen.pauses, seen.longest_us)
+    return (case.name, f"{write_ns / 1e6:.2f}", f"{added:.3f}", *map(str, counts))
+
+
+def _goals(case: Case, seen: Seen) -> list[Goal]:
+    if not case.cuts_through:
+        return []
+    what = f"cut-through between pseudo terminals, {case.name}, {seen.answered} exchanges"
+    goals = [
+        Goal(f"{what}: writes that a drive took and its controller had not sent", 0.0, _sure(seen.written))
+    ]
+    if case.name == BUSY_FIFO:
+        goals.append(Goal(f"{what}: frames torn", 0.0, _sure(seen.pauses)))
+    return goals
+
+
+def _sure(number: int) -> Interval:
+    return Interval(number, number, number)
+
+
+def _seen(bench: Bench, case: Case, priority: int) -> Seen:
+    seen = Seen([])
+    with ExitStack() as stack:
+        processes = stack.enter_context(Processes())
+        wires: list[Process] = []
+
+        def wire() -> tuple[Pty, Pty]:
+            left, right = (stack.enter_context(closing(Pty())) for _ in range(2))
+            fds = (left.master_fd, right.master_fd)
+            words = [sys.executable, "-m", "bench.wire", *map(str, (BAUDRATE, *fds, priority))]
+            wires.append(processes.start(f"cut-wire-{len(wires)}", words, fds=fds, is_talking=True))
+            return left, right
+
+        (near, front), (back, far) = wire(), wire()
+        line = LineSetup(
+            (Controller(tty=front.path),),
+            drive_tty=back.path,
+            baudrate=BAUDRATE,
+            cuts_through=case.cuts_through,
+        )
+        setup = GatewaySetup((line,), fifo=RELAY_PRIORITY if case.fifo else None)
+        gateway = start_gateway(processes, "gateway-cut", setup)
+        drive = start_drive(processes, bench.programs, [f"tty:{far.path}"], fifo=priority)
+        way = Way.tty(near.path)
+        for _ in range(2):  # the first may have been answered what was asked before the gateway was there
+            bench.meter.wait_until_serving(way)
+        sent = 0
+        for kind in KINDS:
+            sent += _writes(kind, bench.meter.attempt(way, Load(LEARNED, kind, warmup=0))[0]["sent"])
+        for number in range(len(os.sched_getaffinity(0)) if case.is_busy else 0):
+            processes.start(f"busy-{number}", [sys.executable, "-c", ENDLESS])
+        for _ in range(bench.effort.of(case.rounds, 1)):
+            for kind in KINDS:
+                said, took_ns = bench.meter.attempt(way, Load(ROUND, kind, warmup=0, fifo=priority))
+                seen.answered += said["answered"]
+                seen.failed += said["timeouts"] + said["wrong"]
+                sent += _writes(kind, said["sent"])
+                seen.writes_ns += took_ns if kind == "write" else []
+        if case.cuts_through:
+            seen.through, seen.spoilt = _status(gateway.config)
+        seen.written = drive.stop()["writes"] - sent
+        for each in wires:
+            said = json.loads(processes.stop(each))
+            seen.pauses += said["pauses"]
+            seen.longest_us = max(seen.longest_us, said["longest_us"])
+    return seen
+
+
+def _writes(kind: str, sent: int) -> int:
+    """Return how many of so many requests were writes: all of them, or the first of each three."""
+    return sent if kind == "write" else -(-sent // 3)
+
+
+def _status(config: Path) -> tuple[str, str]:
+    """Return how many requests and replies were cut through, and how many were spoilt."""
+    done = subprocess.run(
+        gateway_command("status", config, "--json"),
+        capture_output=True, text=True, check=False, cwd=ROOT, env=environment(), timeout=60,
+    )  # fmt: skip
+    if done.returncode:
+        raise BenchError(f"the gateway does not say what it cut through: {done.stderr or done.stdout}")
+    (line,) = json.loads(done.stdout)["lines"].values()
+    both: list[dict[str, Any]] = [line["cut_through"][what] for what in ("requests", "replies")]
+    through = " + ".join(str(each["cut_through"]) for each in both)
+    return through, " + ".join(str(sum(each["spoilt"].values())) for each in both)

@@ -1,0 +1,86 @@
+"""What of a round may be cut through, by the register map; and how much sooner its frames are through.
+
+Which requests have a fast path the exchange decides frame by frame (``exchange.fast_path``,
+``exchange.cut_requests``). Here stands what follows of that from the plan of an axis, for the frames of a
+round; tests/budget holds one against the other.
+"""
+
+from collections.abc import Collection
+from typing import Final, NamedTuple
+
+from gateway.drives.motion import Addressing, Form
+from gateway.exchange.leads import (
+    MARGIN_NS,
+    Shape,
+    acknowledgement_shape,
+    lead_ns,
+    read_shape,
+    reply_shape,
+    stored_ns,
+    write_shape,
+)
+from gateway.exchange.plan import AxisPlan, CompensationMode
+from gateway.modbus.registers import PositionField
+
+REGISTER_READS: Final = frozenset({Form.FC03, Form.FC04})
+
+
+class Shapes(NamedTuple):
+    """A request and its reply, and which of their bytes wait for which."""
+
+    request: Shape
+    reply: Shape
+
+
+class Lead(NamedTuple):
+    """A frame that leaves while it arrives."""
+
+    lead_ns: int
+    """From its first bit on the one wire to its first bit on the other, with the margin."""
+    saves_ns: int
+    """So much sooner than stored; 0: it is not worth it, and is stored."""
+
+
+def lead_of(shape: Shape, in_ns: int, out_ns: int) -> Lead:
+    """Return how a frame leaves between two wires with so long characters, as ``MeasuredLead`` would have it.
+
+    >>> lead_of(write_shape(2, 0, 2), 1_145_833, 1_145_833)  # both at 9 600 baud, 8E1
+    Lead(lead_ns=4783332, saves_ns=10112497)
+    """
+    after_ns = lead_ns(shape, in_ns, out_ns) + MARGIN_NS
+    saves_ns = stored_ns(shape, in_ns) - after_ns
+    return Lead(after_ns, saves_ns if saves_ns >= max(in_ns, out_ns) else 0)
+
+
+def target_shapes(axis: AxisPlan, registers: int, with_rules: Collection[int]) -> Shapes | None:
+    """Return the shapes of a target in a block of so many registers; None: it is stored.
+
+    ``with_rules``: unit ids whose frames may mean something else than positions to be gone to at once.
+    """
+    field = axis.command[0]
+    is_plain = axis.compensation is not CompensationMode.SHADOW and not field.type.is_float
+    if not (is_plain and _is_read_as_registers(axis)) or axis.unit_id in with_rules:
+        return None
+    return Shapes(write_shape(registers, _word(field), field.words), acknowledgement_shape())
+
+
+def position_shapes(axis: AxisPlan, field: PositionField) -> Shapes | None:
+    """Return the shapes of a read of one position, with the block that it stands in; None: it is stored."""
+    if not _is_read_as_registers(axis):
+        return None
+    first = field.address - _word(field)
+    return Shapes(read_shape(), reply_shape(field.end - first, [(_word(field), field.words)]))
+
+
+def registers_shapes(axis: AxisPlan, registers: int) -> Shapes | None:
+    """Return the shapes of a read of registers that are no positions; None: it is stored."""
+    return Shapes(read_shape(), reply_shape(registers)) if _is_read_as_registers(axis) else None
+
+
+def _is_read_as_registers(axis: AxisPlan) -> bool:
+    return axis.addressing is Addressing.REGISTERS and axis.reads_with in REGISTER_READS and axis.checks_crc
+
+
+def _word(field: PositionField) -> int:
+    """Return at which word of its block a position begins."""
+    return 0 if field.block is None else field.address - field.block

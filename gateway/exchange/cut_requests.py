@@ -1,0 +1,253 @@
+"""Requests that are cut through: which may begin to leave, and what leaves in the place of their positions.
+
+:class:`Heads` remembers the requests of one controller's port that were acknowledged. What begins like one of
+them is expected to go on like it. :class:`RequestJudge` answers for one request on its way
+(:class:`~gateway.exchange.cut_through.CutThrough`): it has no judgement of its own, but asks the fast path.
+
+What is never cut through has no entry here: only reads that a fast path knows, and writes of one whole
+position (FC16) to drives whose map has no modes, triggers or stops. So a stop, a trigger, FC06, a broadcast
+and whatever the slow path has to look at never begin like something that is expected.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
+
+from gateway.exchange.axis.events import SteadyTarget
+from gateway.exchange.cut_through import Judge, Opening, is_fit_head
+from gateway.exchange.dispatch import Units
+from gateway.exchange.fast_path import WritePath
+from gateway.exchange.leads import (
+    ADDRESS_KNOWN,
+    FUNCTION_KNOWN,
+    MARGIN_NS,
+    MeasuredLead,
+    Piece,
+    Shape,
+    read_shape,
+    write_shape,
+)
+from gateway.exchange.ports import ControllerPort
+from gateway.exchange.transaction import FastPath, Transaction
+from gateway.modbus.pdu import FunctionCode
+from gateway.modbus.rtu_arrival import BLOCK_HEAD, REGISTERS_HEAD
+
+WRITE: Final = FunctionCode.WRITE_MULTIPLE_REGISTERS
+REGISTER_READS: Final = frozenset({FunctionCode.READ_HOLDING_REGISTERS, FunctionCode.READ_INPUT_REGISTERS})
+REMEMBERED_BEGINNINGS: Final = 256
+"""A controller uses a few; of one that uses more all are forgotten now and then."""
+READ: Final = read_shape()
+WEIGHED: Final = 64
+"""So many of the last requests that began to leave are weighed: what was gained against what was lost."""
+WEIGHED_AT_LEAST: Final = 8
+STORED_FOR: Final = 256
+"""So many requests are stored where it was a loss, before it is tried again."""
+
+
+class Expected(NamedTuple):
+    """The newest acknowledged request of those that begin alike."""
+
+    shape: Shape
+    sent: bytes
+    """As it left, without its check sum."""
+
+
+def shape_of(path: FastPath | None, frame: bytes) -> Shape | None:
+    """Return the shape of a request, whole or only its head; None: it is not cut through.
+
+    ``path``: its fast path, if it has one.
+    """
+    if path is None:
+        return None
+    function = frame[1]
+    if function in REGISTER_READS:
+        return READ
+    if function != WRITE or not isinstance(path, WritePath):
+        return None
+    start, end = path.place
+    data = BLOCK_HEAD - 1
+    return write_shape(frame[BLOCK_HEAD - 1] // 2, (start - data) // 2, (end - start) // 2)
+
+
+def beginning_of(begun: bytes) -> bytes:
+    """Return the bytes by which a request is known: of a read its function, of a write its address too.
+
+    Empty, while not so many have come.
+    """
+    if len(begun) < FUNCTION_KNOWN:
+        return b""
+    known_by = ADDRESS_KNOWN if begun[1] == WRITE else FUNCTION_KNOWN
+    return begun[:known_by] if len(begun) >= known_by else b""
+
+
+class Heads:
+    """What requests of one port begin like, and how late each shape of them has to begin to leave.
+
+    Args:
+        in_ns: what a character takes on the controller's wire.
+        out_ns: and on that of the drives.
+        margin_ns: see ``MeasuredLead``.
+    """
+
+    __slots__ = ("_expected", "_gains", "_in_ns", "_leads", "_margin_ns", "_out_ns", "_stored")
+
+    def __init__(self, in_ns: int, out_ns: int, margin_ns: int = MARGIN_NS) -> None:
+        self._margin_ns = margin_ns
+        self._in_ns = in_ns
+        self._out_ns = out_ns
+        self._expected: dict[bytes, Expected | None] = {}
+        """None: of what begins so nobody knows how it goes on."""
+        self._leads: dict[Shape, MeasuredLead] = {}
+        self._gains: dict[bytes, deque[int]] = {}
+        """Of the last requests that began so: how much sooner each was through, less than 0: later."""
+        self._stored: dict[bytes, int] = {}
+        """How many more are stored of those that began so: it did not pay."""
+
+    def note(self, path: FastPath | None, frame: bytes, sent: bytes) -> None:
+        """Remember a request that was acknowledged, as it came and as it left, both without check sum.
+
+        Two that begin alike and go on otherwise are both stored from then on. Reads may differ: they change
+        nothing, and all have one length.
+        """
+        shape = shape_of(path, frame)
+        beginning = beginning_of(frame)
+        is_new = beginning not in self._expected
+        if is_new and len(self._expected) >= REMEMBERED_BEGINNINGS:
+            self._expected.clear()
+            self._gains.clear()
+            self._stored.clear()
+        before = None if is_new else self._expected[beginning]
+        if shape is None and before is not None and before.shape is READ:
+            return  # one read that goes the slow path; how often is weighed
+        head = sent[: REGISTERS_HEAD if shape is READ else BLOCK_HEAD]
+        is_alike = is_new or (before is not None and (shape is READ or before.sent[:BLOCK_HEAD] == head))
+        is_expected = shape is not None and is_alike and is_fit_head(head)
+        self._expected[beginning] = Expected(shape, sent) if shape is not None and is_expected else None
+
+    def measure(self, shape: Shape, pieces: Sequence[Piece]) -> MeasuredLead:
+        """Learn from how a request came, whatever became of it; return what is known now."""
+        lead = self._leads.get(shape)
+        if lead is None:
+            lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
+        lead.note(pieces)
+        return lead
+
+    def came(self, frame: bytes) -> None:
+        """A request came whole, whatever became of it."""
+        beginning = beginning_of(frame)
+        left = self._stored.pop(beginning, 0) - 1
+        if left > 0:
+            self._stored[beginning] = left
+
+    def pay(self, frame: bytes, gain_ns: int) -> None:
+        """A request that began to leave was through so much sooner than stored; less than 0: later.
+
+        Where it is a loss all in all, the next ones are stored.
+        """
+        beginning = beginning_of(frame)
+        gains = self._gains.get(beginning)
+        if gains is None:
+            gains = self._gains[beginning] = deque(maxlen=WEIGHED)
+        gains.append(gain_ns)
+        if len(gains) >= WEIGHED_AT_LEAST and sum(gains) < 0:
+            self._stored[beginning] = STORED_FOR
+            gains.clear()
+
+    def opening(self, begun: bytes) -> Opening | None:
+        """Return what a request is expected to be that begins so; None: it is stored."""
+        beginning = beginning_of(begun)
+        expected = self._expected.get(beginning)
+        if expected is None or beginning in self._stored:
+            return None
+        lead = self._leads.get(expected.shape)
+        if lead is None or lead.lead_ns is None:
+            return None
+        return Opening(expected.shape, lead.lead_ns, expected.sent)
+
+
+class RequestJudge(Judge):
+    """Answers for one request of one port on its way to the drives.
+
+    Args:
+        port: of its controller.
+        units: the register maps of the line.
+        heads: what is known of the port's requests.
+        may_lead: whether the line is free, at rest and owes nothing, and the port may ask for anything.
+        leaves: takes note that the request leaves, on its fast path, with the target that it carries; whether
+            it may.
+    """
+
+    __slots__ = ("_heads", "_judged_ns", "_leaves", "_may_lead", "_port", "_target", "_units", "path")
+
+    def __init__(
+        self,
+        port: ControllerPort,
+        units: Units,
+        heads: Heads,
+        may_lead: Callable[[], bool],
+        leaves: Callable[[FastPath, bytes, SteadyTarget | None, int], bytes | None],
+    ) -> None:
+        self._port = port
+        self._units = units
+        self._heads = heads
+        self._may_lead = may_lead
+        self._leaves = leaves
+        self._target: SteadyTarget | None = None
+        self._judged_ns = 0
+        self.path: FastPath | None = None
+
+    def opening(self, begun: bytes, now_ns: int) -> Opening | None:
+        """See ``Judge``. A target that could not pass whatever its words are is stored, not spoilt."""
+        opening = self._heads.opening(begun) if self._may_lead() else None
+        if opening is None or begun[1] != WRITE:
+            return opening
+        path = self._units.path_of(begun[0], opening.filler[1:])
+        is_ready = isinstance(path, WritePath) and path.is_ready(self._port, now_ns)
+        return opening if is_ready else None
+
+    def fits(self, opening: Opening, begun: bytes) -> bool:
+        """See ``Judge``. A write goes to the registers that were expected, a read anywhere on a fast path."""
+        is_write = begun[1] == WRITE
+        head = begun[: BLOCK_HEAD if is_write else REGISTERS_HEAD]
+        if is_write and head != opening.filler[:BLOCK_HEAD]:
+            return False
+        whole = head + bytes(opening.shape.length - 2 - len(head))
+        self.path = self._units.path_of(head[0], whole[1:])
+        return shape_of(self.path, head) == opening.shape
+
+    def rendered(self, begun: bytes, first: int, end: int, now_ns: int) -> bytes | None:
+        """See ``Judge``."""
+        path = self.path
+        assert isinstance(path, WritePath)
+        start, stop = 1 + path.place[0], 1 + path.place[1]  # of the frame, which has a unit id before its PDU
+        target = path.judged(self._port, begun[start:stop], now_ns)
+        if target is None:
+            return None
+        self._target, self._judged_ns = target, now_ns
+        return begun[first:start] + target[1] + begun[stop:end]
+
+    def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
+        """See ``Judge``. A target is judged again, as if nothing but what has happened since were new."""
+        path, target = self.path, self._target
+        assert path is not None
+        if isinstance(path, WritePath):
+            start, stop = path.place
+            target = path.judged(self._port, frame[1 + start : 1 + stop], self._judged_ns)
+            if target is None or frame[: 1 + start] + target[1] + frame[1 + stop :] != sent:
+                return False
+        return self._leaves(path, frame[1:], target, now_ns) == sent[1:]
+
+
+def leave_on(
+    path: FastPath, transaction: Transaction, target: SteadyTarget | None, now_ns: int
+) -> bytes | None:
+    """Let a transaction leave on its fast path, as the line does with one that was stored; None: it may not.
+
+    What has to be known of it after a kill is written.
+    """
+    if target is None or not isinstance(path, WritePath):
+        return path.sent(transaction, now_ns)
+    path.keep(transaction, target)
+    start, stop = path.place
+    pdu = transaction.pdu
+    return pdu[:start] + target[1] + pdu[stop:]

@@ -1,0 +1,460 @@
+"""Cut-through: what of a frame may leave when, while it still arrives. Sans-IO; time is an argument.
+
+One :class:`CutThrough` is one frame on its way through the gateway, a request or a reply. It is in one state
+of :class:`Cut`, and goes from one to the next only as :data:`CUT_AFTER` says. The rules, all of them:
+
+1. *Begin.* Bytes are handed in as they come. None leaves before the judge knows by them that the frame is one
+   that may be cut through (``opening``), and not before the lead is over: from then on the transmitter is
+   never empty before the frame has ended (``leads``).
+2. *Head.* Bytes of the head leave as they come. When it is whole it has to be what was expected (``fits``).
+3. *Data.* No byte of a position, and none behind it, leaves before the position is whole and judged
+   (``rendered``); all of it leaves as it was rendered.
+4. *Check sum.* Both of its bytes leave together, after the incoming one was good and the judge has agreed to
+   exactly the bytes that left (``commits``), whatever has happened since it judged them. W3: no other frame
+   ever ends with a good check sum.
+5. *Spoil.* Whatever else happens to a frame of which bytes have left, it is filled up to its length at once,
+   in one piece, and closed with both bytes of its check sum inverted. It is never cut short: a drive that
+   counts bytes would take the next frame for the rest of it. It is as long as what was expected. What it is
+   filled with is what the judge gave for it: a drive that looks at no check sum, which has no place behind
+   cut-through, is then told what it holds.
+6. *Seams.* Nobody can keep a process from being killed, or an adapter from being pulled, between two pieces.
+   So none ends where the bytes so far are a frame by themselves or would be one with the next (``crc``): its
+   last byte waits for the one behind it. Heads that would have to wait so are not cut through
+   (:func:`is_fit_head`). What a frame is filled with avoids it too, also for the piece taken alone.
+7. *Stall.* A frame of which bytes have left and of which no more come is spoilt as soon as a character's
+   pause is longer than ``stall_ns``, or the transmitter is about to be empty.
+
+What a spoilt frame was meant to be is not known here. Where all of it came, and its check sum was good, it is
+still a request: whoever owns this lets it take the way of one that was stored, after the silence that a
+spoilt frame wants. The drive has had nothing of it that it could take for a frame.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final, NamedTuple
+
+from gateway.compiled import mypyc_attr
+from gateway.exchange.leads import CRC_BYTES, Piece, Shape
+from gateway.modbus.crc import INTACT, SEAM, ends_a_frame, inverted_crc, residue_after
+from gateway.modbus.lengths import MIN_ADU
+from gateway.modbus.rtu_arrival import Known, RequestArrival
+
+
+class Cut(Enum):
+    """How far a frame has come on its way through."""
+
+    __hash__ = object.__hash__
+
+    BEGUN = "begun"
+    """Bytes of it have come, and none has left."""
+    LED = "led"
+    """Bytes of its head have left. It is not known yet whether it is what was expected."""
+    LEAVING = "leaving"
+    """Its head is what was expected, and its bytes leave as they may."""
+    STORED = "stored"
+    """Nothing of it has left, and nothing will from here: it takes the usual way."""
+    WHOLE = "whole"
+    """It left with its own check sum."""
+    SPOILT = "spoilt"
+    """It was filled up and closed so that it is no frame."""
+    BROKEN = "broken"
+    """The wire on which it left was lost: it ends where that ended."""
+
+
+class Turn(Enum):
+    """What happens to a frame on its way through."""
+
+    __hash__ = object.__hash__
+
+    OPENED = "opened"
+    """Its lead is over."""
+    FITTED = "fitted"
+    """Its head is whole, and is what was expected."""
+    JUDGED = "judged"
+    """A position in it is whole, and may leave as it was rendered."""
+    COMMITTED = "committed"
+    """All of it came, its check sum was good, and the judge agreed to what has left."""
+    KEPT = "kept"
+    """It is not one that is cut through, or it was whole before its lead was over."""
+    UNFIT = "unfit"
+    """Its head is another one than was expected."""
+    REFUSED = "refused"
+    """A position in it may not leave, or has to be looked at on the slow path."""
+    CHANGED = "changed"
+    """What has left is not what would be sent by now."""
+    BAD = "bad"
+    """Its check sum was bad."""
+    STALLED = "stalled"
+    """No more of it came in time."""
+    OVERTAKEN = "overtaken"
+    """A stop came."""
+    ANEW = "anew"
+    """Whoever sends it began another one."""
+    MET = "met"
+    """Bytes came on the wire on which it leaves: on a bus of two wires they have met."""
+    GONE = "gone"
+    """The port on which it comes was lost."""
+    LOST = "lost"
+    """The wire on which it leaves was lost."""
+
+
+def _spoils(kept: Cut) -> dict[Turn, Cut]:
+    """Everything that ends a frame before it was whole."""
+    reasons = (
+        Turn.UNFIT,
+        Turn.REFUSED,
+        Turn.CHANGED,
+        Turn.BAD,
+        Turn.STALLED,
+        Turn.OVERTAKEN,
+        Turn.ANEW,
+        Turn.MET,
+        Turn.GONE,
+    )
+    return dict.fromkeys(reasons, kept)
+
+
+CUT_AFTER: Final[Mapping[Cut, Mapping[Turn, Cut]]] = {
+    Cut.BEGUN: {
+        **_spoils(Cut.STORED),
+        Turn.OPENED: Cut.LED,
+        Turn.KEPT: Cut.STORED,
+        Turn.LOST: Cut.STORED,
+    },
+    Cut.LED: {**_spoils(Cut.SPOILT), Turn.FITTED: Cut.LEAVING, Turn.LOST: Cut.BROKEN},
+    Cut.LEAVING: {
+        **_spoils(Cut.SPOILT),
+        Turn.JUDGED: Cut.LEAVING,
+        Turn.COMMITTED: Cut.WHOLE,
+        Turn.LOST: Cut.BROKEN,
+    },
+    Cut.STORED: {},
+    Cut.WHOLE: {},
+    Cut.SPOILT: {},
+    Cut.BROKEN: {},
+}
+"""Where each state leads. Only one row leads to WHOLE."""
+
+
+class Pace(NamedTuple):
+    """How fast frames leave, and what is too slow."""
+
+    out_ns: int
+    """What a character takes on the wire on which they leave."""
+    stall_ns: int
+    """After so long without a byte no more of a frame comes: 1.5 characters, and what pieces are apart."""
+    guard_ns: int
+    """So long before the transmitter is empty a frame is filled up: less than the margin of its lead."""
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """A frame that may be cut through: what it is expected to be."""
+
+    shape: Shape
+    lead_ns: int
+    """After its first piece came; see ``MeasuredLead``."""
+    filler: bytes
+    """The last one that was acknowledged, as it left, without its check sum."""
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Judge:
+    """What a frame on its way through asks of the exchange. Nothing but ``commits`` changes anything."""
+
+    def opening(self, begun: bytes, now_ns: int) -> Opening | None:
+        """Return what a frame is expected to be that begins so; None: it may not leave, as far as is known.
+
+        Asked anew with each piece that comes and when its lead is over, until its first byte leaves or it is
+        whole.
+        """
+        raise NotImplementedError
+
+    def fits(self, opening: Opening, begun: bytes) -> bool:
+        """Return whether a frame whose head is whole is what was expected."""
+        raise NotImplementedError
+
+    def rendered(self, begun: bytes, first: int, end: int, now_ns: int) -> bytes | None:
+        """Return what leaves in the place of the bytes ``first`` to ``end``, all of which have come.
+
+        It has as many bytes. None: they may not leave, or nobody knows without looking closer.
+        """
+        raise NotImplementedError
+
+    def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
+        """Decide whether a good frame that leaves as ``sent`` gets its check sum; and take note of it.
+
+        What has to be known of it after a kill is written before this returns. Both without check sum.
+        """
+        raise NotImplementedError
+
+
+def is_fit_head(head: bytes) -> bool:
+    """Whether a frame may stand still behind any byte of its head: all but some eight of 65 536 addresses.
+
+    >>> is_fit_head(bytes.fromhex("01 10 6F 00 00 02 04"))
+    True
+    >>> is_fit_head(bytes.fromhex("01 10 01 EC 00 02 04"))  # its fourth byte ends a frame
+    False
+    """
+    residue = SEAM
+    for index in range(len(head)):
+        residue = residue_after(head[index : index + 1], residue)
+        if residue == SEAM or (residue == INTACT and index + 1 >= MIN_ADU):
+            return False
+    return True
+
+
+def closed(left: bytes, filler: bytes) -> bytes:
+    """Return ``filler`` as it follows on what has left, with a check sum that makes sure that it is no frame.
+
+    A byte of it is another one where the frame could end behind it, or where what is returned, should it come
+    alone because the wire was silent before it, could.
+
+    >>> closed(bytes.fromhex("01 10 6F 00"), bytes.fromhex("00 02 04 00 00 00 00")).hex(" ")
+    '00 02 04 00 00 00 00 e5 a2'
+    """
+    residue, alone = residue_after(left), SEAM
+    filled = bytearray()
+    for number, wanted in enumerate(filler):
+        is_last = number == len(filler) - 1
+        for change in range(0x100):
+            byte = bytes((wanted ^ change,))
+            after, after_alone = residue_after(byte, residue), residue_after(byte, alone)
+            if ends_a_frame(after) or ends_a_frame(after_alone):
+                continue
+            if not is_last or not ends_a_frame(residue_after(inverted_crc(after), after_alone)):
+                filled += byte
+                residue, alone = after, after_alone
+                break
+    return bytes(filled) + inverted_crc(residue)
+
+
+class CutThrough:
+    """One frame on its way through; see the head of this file.
+
+    Args:
+        arrival: follows its bytes.
+        judge: decides what may leave.
+        pace: how fast it leaves, and what is too slow.
+        on_turn: hears of each step, and why.
+    """
+
+    __slots__ = (
+        "_judge",
+        "_last_came_ns",
+        "_on_turn",
+        "_opening",
+        "_out",
+        "_pace",
+        "_rendered",
+        "_told",
+        "arrival",
+        "began_ns",
+        "empty_ns",
+        "gap_ns",
+        "left",
+        "pieces",
+        "state",
+    )
+
+    def __init__(
+        self,
+        arrival: RequestArrival,
+        judge: Judge,
+        pace: Pace,
+        on_turn: Callable[[Turn], None] = lambda _turn: None,
+    ) -> None:
+        self.arrival = arrival
+        self.state = Cut.BEGUN
+        self.left = b""
+        """What has left."""
+        self.began_ns = 0
+        """When its first byte left; 0: none has."""
+        self.empty_ns = 0
+        """When the transmitter has sent all that has left."""
+        self.gap_ns = 0
+        """The longest time for which it was empty inside of the frame, as far as its speed says."""
+        self.pieces: list[Piece] = []
+        """How it came."""
+        self._judge = judge
+        self._pace = pace
+        self._on_turn = on_turn
+        self._opening: Opening | None = None
+        self._out = b""
+        """What may leave in the place of what came, as far as that is known."""
+        self._rendered = 0
+        """Positions that were judged."""
+        self._told = 0
+        """Those of them that were told of."""
+        self._last_came_ns = 0
+
+    @property
+    def is_on_the_way(self) -> bool:
+        """Whether bytes of it have left, and others have to follow."""
+        return self.state is Cut.LED or self.state is Cut.LEAVING
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more leaves from here."""
+        return not CUT_AFTER[self.state]
+
+    @property
+    def expected(self) -> bytes:
+        """What it was expected to be, without its check sum; of one that is on its way."""
+        assert self._opening is not None
+        return self._opening.filler
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """When :meth:`tick` wants to be called; None: not before something else happens."""
+        if self.is_on_the_way:
+            return min(self._last_came_ns + self._pace.stall_ns, self.empty_ns - self._pace.guard_ns)
+        return self._opens_ns if self.state is Cut.BEGUN and self._opening is not None else None
+
+    @property
+    def _opens_ns(self) -> int:
+        assert self._opening is not None
+        return self.pieces[0].came_ns + self._opening.lead_ns
+
+    def feed(self, data: bytes, now_ns: int) -> bytes:
+        """Take bytes that came, of this frame and behind it; return those that leave now."""
+        due = self.tick(now_ns)
+        has_more = self._take(data, now_ns) < len(data)
+        if self.is_over:
+            return due
+        if has_more and self.is_on_the_way:
+            return due + self.end(Turn.ANEW, now_ns)
+        return due + self._leave(now_ns)
+
+    def tick(self, now_ns: int) -> bytes:
+        """Do what has fallen due; return the bytes that leave now."""
+        deadline_ns = self.deadline_ns
+        if deadline_ns is None or now_ns < deadline_ns:
+            return b""
+        if self.is_on_the_way:
+            return self.end(Turn.STALLED, now_ns)
+        return self._leave(now_ns)
+
+    def end(self, why: Turn, now_ns: int) -> bytes:
+        """Let no more of it leave; return what fills it up, where bytes of it have left already."""
+        if self.is_over:
+            return b""
+        self._go_on(why)
+        if self.state is not Cut.SPOILT:
+            return b""
+        assert self._opening is not None
+        body = self._opening.shape.length - CRC_BYTES
+        filling = closed(self.left, self._opening.filler[len(self.left) : body])
+        return self._write(filling, now_ns)
+
+    # --- steps -----------------------------------------------------------------------------------------
+
+    def _take(self, data: bytes, now_ns: int) -> int:
+        taken = self.arrival.feed(data)
+        if taken:
+            self.pieces.append(Piece(now_ns, len(self.arrival.data)))
+            self._last_came_ns = now_ns
+        return taken
+
+    def _leave(self, now_ns: int) -> bytes:
+        """Go as far as its bytes allow; return those that leave."""
+        if self.state is Cut.BEGUN and not self._opens(now_ns):
+            return b""
+        known = self.arrival.known
+        if self.state is Cut.LED and known is not Known.BEGUN:
+            if not self._is_expected():
+                return self.end(Turn.UNFIT, now_ns)
+            self._go_on(Turn.FITTED)
+        if self.state is Cut.LEAVING:
+            if known is Known.ODD:
+                return self.end(Turn.UNFIT, now_ns)
+            if not self._judge_positions(now_ns):
+                return self.end(Turn.REFUSED, now_ns)
+            self._tell_judged()
+            if known is Known.BAD:
+                return self.end(Turn.BAD, now_ns)
+            if known is Known.GOOD:
+                return self._commit(now_ns)
+        return self._write(self._piece(), now_ns)
+
+    def _opens(self, now_ns: int) -> bool:
+        """See whether its bytes say by now that it may be cut through; return whether it begins to leave."""
+        if self.arrival.is_over:
+            self._go_on(Turn.KEPT)
+            return False
+        # Each time anew: what it was expected to be before its lead was over may be another thing now.
+        self._opening = self._judge.opening(self.arrival.data, now_ns)
+        if self._opening is None or now_ns < self._opens_ns or not self._piece():
+            return False
+        # What is known by now to be another one, or to be refused, need not be spoilt: nothing has left.
+        is_head_known = self.arrival.known is not Known.BEGUN
+        if is_head_known and not (self._is_expected() and self._judge_positions(now_ns)):
+            self._go_on(Turn.KEPT)
+            return False
+        self._go_on(Turn.OPENED)
+        return True
+
+    def _is_expected(self) -> bool:
+        assert self._opening is not None
+        arrival, opening = self.arrival, self._opening
+        return arrival.length == opening.shape.length and self._judge.fits(opening, arrival.data)
+
+    def _judge_positions(self, now_ns: int) -> bool:
+        """Have the positions judged that have come; return whether all of them may leave."""
+        assert self._opening is not None
+        come = self.arrival.data
+        judged = [gate for gate in self._opening.shape.gates if gate.is_judged]
+        for gate in judged[self._rendered :]:
+            if len(come) < gate.needs:
+                break
+            words = self._judge.rendered(come[: gate.needs], gate.first, gate.needs, now_ns)
+            if words is None:
+                return False
+            self._out += come[len(self._out) : gate.first] + words
+            self._rendered += 1
+        return True
+
+    def _tell_judged(self) -> None:
+        while self._told < self._rendered:
+            self._told += 1
+            self._go_on(Turn.JUDGED)
+
+    def _piece(self) -> bytes:
+        """Return what may leave now of a frame of which not all has come."""
+        assert self._opening is not None
+        may = self._opening.shape.leaves(len(self.arrival.data))
+        out = self._out + self.arrival.data[len(self._out) : may]
+        residues = [residue_after(self.left)]
+        for index in range(len(self.left), may):
+            residues.append(residue_after(out[index : index + 1], residues[-1]))
+        while may > len(self.left) and ends_a_frame(residues[may - len(self.left)]):
+            may -= 1
+        return out[len(self.left) : may]
+
+    def _commit(self, now_ns: int) -> bytes:
+        body = self.arrival.length - CRC_BYTES
+        came = self.arrival.data[:body]
+        out = self._out + came[len(self._out) :]
+        if not self._judge.commits(came, out, now_ns):
+            return self.end(Turn.CHANGED, now_ns)
+        self._go_on(Turn.COMMITTED)
+        whole = out + residue_after(out).to_bytes(CRC_BYTES, "little")
+        return self._write(whole[len(self.left) :], now_ns)
+
+    def _write(self, data: bytes, now_ns: int) -> bytes:
+        if data and not self.left:
+            self.began_ns = now_ns
+        elif data:
+            self.gap_ns = max(self.gap_ns, now_ns - self.empty_ns)
+        if data:
+            self.empty_ns = max(self.empty_ns, now_ns) + len(data) * self._pace.out_ns
+        self.left += data
+        return data
+
+    def _go_on(self, turn: Turn) -> None:
+        after = CUT_AFTER[self.state]
+        assert turn in after, f"{turn.value} in state {self.state.value}"
+        self.state = after[turn]
+        self._on_turn(turn)

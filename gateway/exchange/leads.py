@@ -1,0 +1,198 @@
+"""How late the first byte of a frame has to leave that is passed on while it still arrives.
+
+A byte leaves when the bytes have come that it depends on; a transmitter that has begun must never run empty
+inside the frame: adapters that switch the direction of an RS-485 bus by themselves let go of it then, and
+drives take a pause for the end of a frame. So the first byte waits until no later one will have to.
+
+A :class:`Shape` says what depends on what, in bytes. :func:`lead_ns` makes a time of it for two wires that
+keep their baud rates exactly. What adapters, drivers and this process add, nobody works out:
+:class:`MeasuredLead` learns it from the frames that came.
+
+Counted in characters of wires that are both equally fast a write of one position of two registers leaves four
+characters after it began to arrive: its last position byte is the eleventh to come and the eighth to leave.
+Its acknowledgement leaves two later, for the check sum has to have come before its own leaves; so do a read
+without positions, and its reply three. A gateway that stores adds all 13 + 8 characters of both.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from gateway.modbus.lengths import ADU_OVERHEAD, MIN_ADU
+from gateway.modbus.rtu_arrival import BLOCK_HEAD, REGISTERS_HEAD
+
+CRC_BYTES: Final = 2
+FUNCTION_KNOWN: Final = 2
+"""Bytes of a frame that say who is meant and what is done."""
+ADDRESS_KNOWN: Final = MIN_ADU
+"""Bytes of a request that also say at which register."""
+COUNT_KNOWN: Final = 3
+"""Bytes of the reply to a read that also say how long it is."""
+READ_BYTES: Final = REGISTERS_HEAD + CRC_BYTES
+
+
+class Gate(NamedTuple):
+    """Byte ``first`` of a frame, and all behind it, leave only when ``needs`` bytes of it have come."""
+
+    first: int
+    needs: int
+    is_judged: bool = False
+    """A position ends there: what leaves in the place of the bytes between is somebody's judgement."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A frame of so many bytes, with unit id and check sum, and what its bytes wait for.
+
+    Gates stand in their order. Every byte waits at least for itself, and the check sum for all that came.
+    """
+
+    length: int
+    gates: tuple[Gate, ...]
+
+    def needs(self, index: int) -> int:
+        """Return how many bytes have to have come before byte ``index``, counted from 0, may leave.
+
+        >>> [write_shape(2, 0, 2).needs(index) for index in range(13)]
+        [4, 4, 4, 4, 5, 6, 7, 11, 11, 11, 11, 13, 13]
+        """
+        if index >= self.length - CRC_BYTES:
+            return self.length
+        return max([index + 1] + [gate.needs for gate in self.gates if gate.first <= index])
+
+    def leaves(self, come: int) -> int:
+        """Return how many of its bytes may have left when ``come`` have come, without its check sum.
+
+        >>> [write_shape(2, 0, 2).leaves(come) for come in range(14)]
+        [0, 0, 0, 0, 4, 5, 6, 7, 7, 7, 7, 11, 11, 11]
+        """
+        most = min(come, self.length - CRC_BYTES)
+        for gate in self.gates:
+            if come < gate.needs and gate.first < most:
+                most = gate.first
+        return most
+
+
+def write_shape(words: int, first_word: int, position_words: int) -> Shape:
+    """Return the shape of a write of ``words`` registers that hold a position from ``first_word`` on.
+
+    It begins to leave when it is known where it writes, its data when the position is whole: until then it
+    may have to be refused.
+    """
+    data_ends = BLOCK_HEAD + 2 * (first_word + position_words)
+    gates = Gate(0, ADDRESS_KNOWN), Gate(BLOCK_HEAD, data_ends, is_judged=True)
+    return Shape(BLOCK_HEAD + 2 * words + CRC_BYTES, gates)
+
+
+def read_shape() -> Shape:
+    """Return the shape of a read. It changes nothing in a drive, and may begin to leave at its function."""
+    return Shape(READ_BYTES, (Gate(0, FUNCTION_KNOWN),))
+
+
+def acknowledgement_shape() -> Shape:
+    """Return the shape of the reply to a write of a block: unit id, function, address, count."""
+    return Shape(READ_BYTES, (Gate(0, FUNCTION_KNOWN),))
+
+
+def reply_shape(words: int, positions: Sequence[tuple[int, int]] = ()) -> Shape:
+    """Return the shape of the reply to a read of ``words`` registers.
+
+    ``positions``: the first register of each and how many it has, in their order.
+    """
+    gates = [Gate(0, COUNT_KNOWN)]
+    for first, count in positions:
+        data_ends = COUNT_KNOWN + 2 * (first + count)
+        gates.append(Gate(COUNT_KNOWN + 2 * first, data_ends, is_judged=True))
+    return Shape(ADU_OVERHEAD + FUNCTION_KNOWN + 2 * words, tuple(gates))
+
+
+def lead_ns(shape: Shape, in_ns: int, out_ns: int) -> int:
+    """Return how long after the first bit of a frame came its own first bit may leave, at the earliest.
+
+    Args:
+        shape: what depends on what.
+        in_ns: what one character takes on the wire on which it comes.
+        out_ns: and on the one on which it leaves.
+    """
+    return max(shape.needs(index) * in_ns - index * out_ns for index in range(shape.length))
+
+
+def stored_ns(shape: Shape, in_ns: int) -> int:
+    """Return the same for a gateway that waits for the whole frame."""
+    return shape.length * in_ns
+
+
+class Piece(NamedTuple):
+    """Bytes of a frame that came at once: when, and how many there are of it since then."""
+
+    came_ns: int
+    so_far: int
+
+
+def needed_ns(shape: Shape, pieces: Sequence[Piece], out_ns: int) -> int:
+    """Return how long after its first piece a frame that has come would have had to begin to leave.
+
+    The pieces are those of a whole frame, in their order. Between two pieces only the first byte that needs
+    the later one counts: those behind it have more time.
+    """
+    begun_ns = pieces[0].came_ns
+    most_ns, before = 0, 0
+    for piece in pieces:
+        # The check sum needs all of them; what leaves then is the first byte that did not before.
+        first = shape.leaves(before)
+        if shape.needs(first) <= piece.so_far:
+            most_ns = max(most_ns, piece.came_ns - begun_ns - first * out_ns)
+        before = piece.so_far
+    return most_ns
+
+
+GUARD_NS: Final = 125_000
+"""So long before the transmitter is empty a frame that stalls is filled up. It is what the timer that rings
+then, a turn of the loop and a write may take together: nobody sees that in what came, so nothing teaches it.
+"""
+LATER_NS: Final = 75_000
+"""So much later than the latest that was seen, and half of what they differed by, bytes may come. Less than
+the guard, because a frame whose bytes come later still is spoilt, and one whose guard rings later is torn."""
+MARGIN_NS: Final = GUARD_NS + LATER_NS
+"""So much longer the first byte of a frame waits than the frames before it needed."""
+LEARNED_AFTER: Final = 32
+"""Frames of a shape that are stored before the first one may leave early: nobody knows the port before."""
+REMEMBERED: Final = 256
+"""Frames whose needs count: a port that was disturbed once is trusted again after so many."""
+
+
+class MeasuredLead:
+    """How long after its first piece a frame of one shape may begin to leave, by what the last ones needed.
+
+    No model of an adapter: latency timers, packets, the scheduler of the system and different baud rates all
+    show in when the bytes came. The margin is ``margin_ns`` and half of what the needs have differed by.
+    """
+
+    __slots__ = ("_char_ns", "_margin_ns", "_needs_ns", "_wholes_ns", "lead_ns", "no_gain", "out_ns", "shape")
+
+    def __init__(self, shape: Shape, in_ns: int, out_ns: int, margin_ns: int = MARGIN_NS) -> None:
+        self.shape = shape
+        self._margin_ns = margin_ns
+        self.out_ns = out_ns
+        self._char_ns = max(in_ns, out_ns)
+        self._needs_ns: deque[int] = deque(maxlen=REMEMBERED)
+        self._wholes_ns: deque[int] = deque(maxlen=REMEMBERED)
+        self.lead_ns: int | None = None
+        """After so long a frame may begin to leave. None: it is stored, because too few have been seen, or
+        because it would not leave a character before the soonest of them was whole."""
+        self.no_gain: tuple[int, int] | None = None
+        """Where enough were seen, and it is not worth it: after how long a frame could begin to leave, and
+        after how long the soonest was whole, both since its first piece."""
+
+    def note(self, pieces: Sequence[Piece]) -> None:
+        """Learn from a frame that has come whole, whether it was cut through or stored."""
+        needs_ns, wholes_ns = self._needs_ns, self._wholes_ns
+        needs_ns.append(needed_ns(self.shape, pieces, self.out_ns))
+        wholes_ns.append(pieces[-1].came_ns - pieces[0].came_ns)
+        longest_ns = max(needs_ns)
+        lead_ns = longest_ns + (longest_ns - min(needs_ns)) // 2 + self._margin_ns
+        is_known, whole_ns = len(needs_ns) >= LEARNED_AFTER, min(wholes_ns)
+        is_gain = is_known and lead_ns + self._char_ns <= whole_ns
+        self.lead_ns = lead_ns if is_gain else None
+        self.no_gain = (lead_ns, whole_ns) if is_known and not is_gain else None

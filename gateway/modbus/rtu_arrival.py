@@ -1,0 +1,142 @@
+"""One RTU frame while it arrives: its bytes so far, and what is known of it.
+
+The decoders (``rtu_requests``, ``rtu_replies``) give whole frames, and look for the next good one behind
+damage. Who wants to know of a frame before it is whole follows it here, from its first byte to its last: it
+begins where its line was silent, and bytes that belong to no frame, or to another one, make it ``ODD``.
+"""
+
+from enum import Enum
+from typing import Final
+
+from gateway.modbus.crc import INTACT, SEAM, residue_after
+from gateway.modbus.lengths import NEEDS_MORE, UNTIL_SILENCE, asked_bytes, reply_length, request_length
+from gateway.modbus.pdu import FunctionCode
+
+
+class Known(Enum):
+    """What the bytes so far say."""
+
+    __hash__ = object.__hash__
+
+    BEGUN = "begun"
+    """Not how long the frame is."""
+    HEAD = "head"
+    """All but its data: its length, and of a request which registers it touches."""
+    GOOD = "good"
+    """It is whole, and its check sum fits."""
+    BAD = "bad"
+    """It is as long as it said, and its check sum does not fit."""
+    ODD = "odd"
+    """Nothing that can be followed: its bytes do not say how long it is, or it is not what was asked for."""
+
+
+BLOCK_HEAD: Final = 7
+"""Bytes of a frame that writes a block, before its data: unit id, function, address, count, byte count."""
+REGISTERS_HEAD: Final = 6
+"""Bytes that name registers: unit id, function, address, count."""
+REQUEST_HEADS: Final = {
+    FunctionCode.READ_COILS: REGISTERS_HEAD,
+    FunctionCode.READ_DISCRETE_INPUTS: REGISTERS_HEAD,
+    FunctionCode.READ_HOLDING_REGISTERS: REGISTERS_HEAD,
+    FunctionCode.READ_INPUT_REGISTERS: REGISTERS_HEAD,
+    FunctionCode.WRITE_MULTIPLE_COILS: BLOCK_HEAD,
+    FunctionCode.WRITE_MULTIPLE_REGISTERS: BLOCK_HEAD,
+}
+"""By function code: bytes of the head of a request. Others are not followed."""
+
+
+class RequestArrival:
+    """A request as it arrives. What is known of it follows from its bytes alone, however they are cut.
+
+    >>> arrival = RequestArrival()
+    >>> for piece in ("01 03 02 00 00", "02", "C5 B3 01"):
+    ...     print(arrival.feed(bytes.fromhex(piece)), arrival.known.value, arrival.length)
+    5 begun 8
+    1 head 8
+    2 good 8
+    """
+
+    __slots__ = ("data", "known", "length", "residue")
+
+    def __init__(self) -> None:
+        self.data = b""
+        """What came of it."""
+        self.known = Known.BEGUN
+        self.length = 0
+        """How long it will be, with unit id and check sum; 0: that is not known yet, or never will be."""
+        self.residue = SEAM
+        """Of its check sum, after what came of it."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more can be learned of it."""
+        return self.known in (Known.GOOD, Known.BAD, Known.ODD)
+
+    def feed(self, data: bytes) -> int:
+        """Take what belongs to it; return how many bytes that were. What follows it begins another frame."""
+        taken = 0
+        while taken < len(data) and not self.is_over:
+            # Up to the next byte at which more is known: one at a time until the length is.
+            wanted = (self.length or len(self.data) + 1) - len(self.data)
+            piece = data[taken : taken + wanted]
+            self.data += piece
+            self.residue = residue_after(piece, self.residue)
+            taken += len(piece)
+            self._look()
+        return taken
+
+    def _look(self) -> None:
+        length = self._told_length()
+        if length < NEEDS_MORE:
+            self.known, self.length = Known.ODD, 0
+        elif length and len(self.data) >= length:
+            self.length = length
+            self.known = Known.GOOD if self.residue == INTACT else Known.BAD
+        elif length:
+            self.length = length
+            if len(self.data) >= self._head_bytes():
+                self.known = Known.HEAD
+
+    def _told_length(self) -> int:
+        if len(self.data) >= 2 and self.data[1] not in REQUEST_HEADS:
+            return UNTIL_SILENCE
+        return request_length(self.data)
+
+    def _head_bytes(self) -> int:
+        return REQUEST_HEADS[FunctionCode(self.data[1])]
+
+
+class ReplyArrival(RequestArrival):
+    """The reply to a request as it arrives. Only what was asked for is followed (W4).
+
+    An exception, the reply of another unit id or function, and another number of bytes than were asked for
+    are ODD: whoever passes replies on passes these on whole.
+
+    >>> arrival = ReplyArrival(1, bytes.fromhex("03 02 00 00 02"))
+    >>> for piece in ("01 03", "04", "00 B1 1F 40 A3 D4"):
+    ...     print(arrival.feed(bytes.fromhex(piece)), arrival.known.value, arrival.length)
+    2 begun 0
+    1 head 9
+    6 good 9
+    """
+
+    __slots__ = ("_asked", "_request", "_unit_id")
+
+    def __init__(self, unit_id: int, request_pdu: bytes) -> None:
+        super().__init__()
+        self._unit_id = unit_id
+        self._request = request_pdu
+        self._asked = asked_bytes(request_pdu)
+
+    def _told_length(self) -> int:
+        data = self.data
+        if data[0] != self._unit_id:
+            return UNTIL_SILENCE
+        if len(data) >= 2 and (data[1] != self._request[0] or data[1] not in REQUEST_HEADS):
+            return UNTIL_SILENCE
+        if len(data) >= 3 and self._asked is not None and data[2] != self._asked:
+            return UNTIL_SILENCE
+        return reply_length(self._request, data)
+
+    def _head_bytes(self) -> int:
+        return 2 if self._asked is None else 3

@@ -1,0 +1,175 @@
+"""What cut-through gains: each frame of a round, worked out by hand, and whether the exchange would do it."""
+
+from dataclasses import replace
+
+import pytest
+
+from gateway.budget.cuts import lead_of
+from gateway.budget.line import line_budget
+from gateway.budget.sequence import Blocks, Step, What, least_target_registers, round_of
+from gateway.budget.verdict import Grade, judge
+from gateway.drives.library import names
+from gateway.drives.motion import Form
+from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.cut_requests import shape_of
+from gateway.exchange.dispatch import Units
+from gateway.exchange.fast_path import ReadPath
+from gateway.exchange.leads import Shape, reply_shape, write_shape
+from gateway.exchange.plan import AxisPlan, CompensationMode
+from gateway.ipc.plan import LinePlan
+from gateway.modbus.registers import PositionField, RegisterType
+from gateway.transport.endpoints import SerialEndpoint
+from tests.budget.budget_bench import TABLE, TCP, axis, controller, known_axis, line, serial
+
+MARGIN = 200_000
+CHAR_9600 = 1_145_833  # 11 bits
+
+
+def both(baudrate: int, axes: tuple[AxisPlan, ...] = (), out_baudrate: int = 0) -> LinePlan:
+    return line(serial(out_baudrate or baudrate), controller(serial(baudrate)), axes=axes)
+
+
+@pytest.mark.parametrize(
+    ("baudrate", "character_ns"), [(9600, 1_145_833), (19200, 572_917), (38400, 286_458), (115200, 95_486)]
+)
+def test_leads_of_a_write_and_a_read_where_both_sides_are_equal(baudrate: int, character_ns: int) -> None:
+    write, read = line_budget(both(baudrate)).controllers[0].exchanges
+    assert write.cut is not None
+    assert read.cut is not None
+    # Of 13 and 8, of 8 and 9 characters: these are waited for, and the margin.
+    leads = [lead.lead_ns for each in (write.cut, read.cut) for lead in each.leads]
+    assert leads == [count * character_ns + MARGIN for count in (4, 2, 2, 4)]
+    saves = [lead.saves_ns for each in (write.cut, read.cut) for lead in each.leads]
+    assert saves == [count * character_ns - MARGIN for count in (9, 6, 6, 5)]
+    assert (write.cut.saves_ns, read.cut.saves_ns) == (sum(saves[:2]), sum(saves[2:]))
+
+
+def test_an_exchange_and_a_round_at_9600() -> None:
+    only = line_budget(both(9600)).controllers[0]
+    write, read = only.exchanges
+    assert write.cut is not None
+    assert read.cut is not None
+    # 49.125 and 39.958 ms stored (test_budget_of_a_line), less 15 and 11 characters and two margins each.
+    assert write.cut.legs.total_ns == write.legs.total_ns - 15 * CHAR_9600 + 2 * MARGIN == 32_337_505
+    assert read.cut.legs.total_ns == read.legs.total_ns - 11 * CHAR_9600 + 2 * MARGIN
+    assert only.round.cut_ns == only.round.total_ns - 26 * CHAR_9600 + 4 * MARGIN
+    # Without the gateway's own millisecond what is added is 0.30 of one direct round trip.
+    assert round((write.cut.legs.total_ns - 1_000_000) / write.direct.total_ns - 1, 3) == 0.302
+    # What is held against time-outs is stored, for that may happen to each of them.
+    assert write.legs.request_cut_ns == 0
+
+
+def test_a_slower_side_in_front_needs_more_lead_and_may_gain_nothing() -> None:
+    # 9 600 in, 115 200 out: 13 × 12 − 11 = 145 of the fast characters, of 156; 11 × 95.486 µs − 200 µs are
+    # less than a slow character. The other way nothing is in the way of what is slow: the head.
+    assert lead_of(write_shape(2, 0, 2), 12 * 95_486, 95_486).lead_ns == 145 * 95_486 + MARGIN
+    assert lead_of(write_shape(2, 0, 2), 12 * 95_486, 95_486).saves_ns == 0
+    assert lead_of(write_shape(2, 0, 2), 95_486, 12 * 95_486) == (4 * 95_486 + MARGIN, 0)
+    fast_in = lead_of(write_shape(16, 0, 2), 95_486, 2 * 95_486)
+    assert fast_in == (4 * 95_486 + MARGIN, 37 * 95_486 - MARGIN)
+
+
+def test_the_reply_keeps_the_silence_behind_the_request_of_its_controller() -> None:
+    # A status of one word: 8 + 7 characters, of which 6 + 4 are saved.
+    plan = both(9600, (replace(known_axis("oriental-az"), budget_us=1.0),))
+    cut = next(e.cut for e in line_budget(plan).controllers[0].exchanges if e.step.what is What.STATUS)
+    assert cut is not None
+    # From the last byte of the request: 2 characters to the drive, 3 back, which is more than 3.5.
+    assert cut.legs.silence_ns == 0
+    # At 9 600 in front of drives at 115 200 the drives' side takes less than 3.5 characters.
+    plan = both(9600, (replace(axis(), budget_us=1.0),), 115_200)
+    cut = line_budget(plan).controllers[0].exchanges[0].cut
+    assert cut is not None
+    passed_ns = 1_000 + cut.legs.request_out_ns + cut.legs.reply_in_ns - cut.saves_ns
+    assert cut.legs.silence_ns == 4_010_417 - passed_ns
+
+
+def test_a_request_that_would_have_to_wait_for_the_silence_of_the_drives_is_stored() -> None:
+    plan = both(9600)
+    plan = replace(plan, timing=replace(plan.timing, gap_ms=60.0))
+    write, read = line_budget(plan).controllers[0].exchanges
+    assert write.cut is not None
+    assert read.cut is not None
+    assert [each.cut.legs.request_cut_ns for each in (write, read) if each.cut] == [0, 0]
+    assert write.cut.legs.reply_cut_ns == -(6 * CHAR_9600 - MARGIN)
+    # The position that was read before ended so much sooner on the controller's wire, and the request came so
+    # much sooner: what is left of the 60 ms is as much more.
+    assert write.cut.legs.gap_ns - write.legs.gap_ns == 5 * CHAR_9600 - MARGIN
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        replace(axis(), writes_with=Form.FC06),
+        replace(axis(), compensation=CompensationMode.SHADOW),
+        replace(axis(), command=(PositionField(0x100, RegisterType.FLOAT32),)),
+        known_axis("oriental-az"),  # its map has modes and triggers
+    ],
+)
+def test_targets_that_are_always_stored(changed: AxisPlan) -> None:
+    steps = {step.what: step for step in round_of((changed,))}
+    assert steps[What.TARGET].shapes is None
+    assert steps[What.POSITION].shapes is not None
+
+
+def test_nothing_of_a_drive_that_checks_no_check_sums_or_behind_tcp() -> None:
+    careless = replace(axis(), checks_crc=False)
+    assert {step.shapes for step in round_of((careless,))} == {None}
+    for plan in (line(TCP, controller(serial(9600))), line(serial(9600), controller(TCP))):
+        assert {each.cut for each in line_budget(plan).controllers[0].exchanges} == {None}
+
+
+def test_what_is_said_of_a_line_that_is_to_be_cut_through() -> None:
+    def said(plan: LinePlan) -> list[tuple[Grade, str]]:
+        found = judge(replace(plan, cut_through=True))
+        return [(each.grade, each.found) for each in found if each.key[-1] == "cut_through"]
+
+    assert said(both(9600)) == []
+    careless = (replace(axis(), checks_crc=False),)
+    told = "cut_through = true, and the drive of axis x obeys or answers frames with a wrong check sum"
+    assert said(both(9600, careless)) == [(Grade.IMPOSSIBLE, f"{told} (checks_crc = false)")]
+    # A million baud: 9 characters of 11 µs are less than the margin.
+    fast = SerialEndpoint("/dev/a", 1_000_000, "E")
+    assert said(line(fast, controller(fast))) == [
+        (Grade.CLOSE, "cut_through = true, but no frame of a round would be through a character sooner")
+    ]
+
+
+def request_of(plan: AxisPlan, step: Step) -> bytes | None:
+    """Return a request as its controller would send it, without check sum; None: not by registers."""
+    field = plan.command[0]
+    if step.what is What.TARGET:
+        registers = least_target_registers(plan)
+        first = field.end - registers
+        head = bytes((plan.unit_id, 16)) + first.to_bytes(2) + registers.to_bytes(2)
+        return head + bytes((2 * registers,)) + bytes(2 * registers)
+    if step.what is not What.POSITION or plan.reads_with not in (Form.FC03, Form.FC04):
+        return None
+    field = next(f for f in (*plan.actual, *plan.commanded, *plan.command) if f.is_readable)
+    first = field.address if field.block is None else field.block
+    function = 3 if plan.reads_with is Form.FC03 else 4
+    return bytes((plan.unit_id, function)) + first.to_bytes(2) + (field.end - first).to_bytes(2)
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_shipped_drive_is_cut_through_where_the_exchange_would_do_it(name: str) -> None:
+    plan = known_axis(name)
+    units = Units([Axis(plan)], is_serial=True)
+    for step in round_of((plan,)):
+        request = request_of(plan, step)
+        if request is None or (step.what is What.TARGET and plan.writes_with is not Form.FC16):
+            continue
+        path = units.path_of(plan.unit_id, request[1:])
+        shape: Shape | None = shape_of(path, request)
+        assert (step.shapes is not None) == (shape is not None), step.what
+        if step.shapes is not None and shape is not None:
+            assert step.shapes.request == shape
+            if isinstance(path, ReadPath):
+                places = [((start - 2) // 2, (end - start) // 2) for start, end in path.places]
+                assert step.shapes.reply == reply_shape(path.quantity, places)
+
+
+def test_a_larger_block_is_longer_and_its_position_first() -> None:
+    (target, *_) = round_of((replace(axis(), table=TABLE),), Blocks(0, 16))
+    assert target.shapes is not None
+    assert target.shapes.request == write_shape(16, 0, 2)

@@ -1,0 +1,130 @@
+"""A judge for frames that are cut through, and time that passes for them."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from gateway.exchange.cut_through import CutThrough, Judge, Opening, Pace, Turn, is_fit_head
+from gateway.exchange.leads import Shape, acknowledgement_shape, read_shape, reply_shape, write_shape
+from gateway.modbus.crc import append_crc
+from gateway.modbus.rtu_arrival import ReplyArrival, RequestArrival
+
+CHAR_NS = 1000
+"""What a character takes, on either side."""
+LEAD_NS = 4000
+"""After the first character: a write leaves when five have come."""
+STALL_NS = 1500
+GUARD_NS = 500
+"""Half a character; the lead has a margin of a whole one."""
+PACE = Pace(CHAR_NS, STALL_NS, GUARD_NS)
+HEAD = bytes.fromhex("01 10 6F 00 00 02 04")
+WRITE = append_crc(HEAD + bytes.fromhex("55 55 00 08"))
+RENDERED = bytes.fromhex("55 55 00 0B")
+"""What leaves in the place of its position: 3 counts more."""
+LAST = HEAD + bytes.fromhex("55 55 00 05")
+"""The last one that was acknowledged, as it left."""
+SENT = append_crc(HEAD + RENDERED)
+
+
+@dataclass
+class Adds(Judge):
+    """Adds some counts to each position; knows one write, one read, or whatever its shape is."""
+
+    shape: Shape = field(default_factory=lambda: write_shape(2, 0, 2))
+    expected: bytes = LAST
+    head_bytes: int = 7
+    lead_ns: int = LEAD_NS
+    counts: int = 3
+    refused: frozenset[bytes] = frozenset()
+    agrees: bool = True
+    committed: list[tuple[bytes, bytes]] = field(default_factory=list)
+
+    def opening(self, begun: bytes, now_ns: int) -> Opening | None:
+        known = self.shape.needs(0)
+        head = self.expected[: self.head_bytes]
+        if len(begun) < known or not is_fit_head(head):
+            return None
+        compared = min(len(begun), self.head_bytes)
+        if begun[:compared] != head[:compared]:
+            return None
+        return Opening(self.shape, self.lead_ns, self.expected)
+
+    def fits(self, opening: Opening, begun: bytes) -> bool:
+        return begun[: self.head_bytes] == self.expected[: self.head_bytes]
+
+    def rendered(self, begun: bytes, first: int, end: int, now_ns: int) -> bytes | None:
+        assert len(begun) == end
+        words = begun[first:end]
+        if words[-4:] in self.refused:
+            return None
+        raw = (int.from_bytes(words[-4:], "big") + self.counts) % 2**32
+        return words[:-4] + raw.to_bytes(4, "big")
+
+    def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
+        self.committed.append((frame, sent))
+        return self.agrees
+
+
+READ = append_crc(bytes.fromhex("01 03 02 00 00 03"))
+READ_REPLY = append_crc(bytes.fromhex("01 03 06 00 00 10 00 00 07"))
+ACKNOWLEDGEMENT = append_crc(HEAD[:6])
+
+
+def write(stall_ns: int = STALL_NS, **changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
+    """Return a write that has not begun to come, its judge, and the steps that it takes."""
+    judge = Adds(**changes)  # type: ignore[arg-type]
+    turns: list[Turn] = []
+    return CutThrough(RequestArrival(), judge, Pace(CHAR_NS, stall_ns, GUARD_NS), turns.append), judge, turns
+
+
+def read(**changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
+    """The same of a read: it may begin with its second byte."""
+    judge = Adds(shape=read_shape(), expected=READ[:-2], head_bytes=6, lead_ns=2000, **changes)  # type: ignore[arg-type]
+    turns: list[Turn] = []
+    return CutThrough(RequestArrival(), judge, PACE, turns.append), judge, turns
+
+
+def read_reply(**changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
+    """The same of the reply to it: a position and a status behind it."""
+    expected = {"shape": reply_shape(3, [(0, 2)]), "expected": READ_REPLY[:-2], "head_bytes": 3}
+    judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
+    turns: list[Turn] = []
+    return (
+        CutThrough(ReplyArrival(1, READ[1:-2]), judge, PACE, turns.append),
+        judge,
+        turns,
+    )
+
+
+def acknowledgement(**changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
+    """The same of the reply to a write."""
+    expected = {"shape": acknowledgement_shape(), "expected": HEAD[:6], "head_bytes": 2, "lead_ns": 2000}
+    judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
+    turns: list[Turn] = []
+    return (
+        CutThrough(ReplyArrival(1, WRITE[1:-2]), judge, PACE, turns.append),
+        judge,
+        turns,
+    )
+
+
+def characters(data: bytes, from_ns: int = 0, char_ns: int = CHAR_NS) -> list[tuple[int, bytes]]:
+    """Return bytes one by one, each when its character has ended."""
+    return [(from_ns + (at + 1) * char_ns, data[at : at + 1]) for at in range(len(data))]
+
+
+def play(
+    cut: CutThrough, came: Iterable[tuple[int, bytes]], until_ns: int | None = None
+) -> list[tuple[int, str]]:
+    """Let bytes come at their instants, and time pass until they have; return what left when, in hex."""
+    left: list[tuple[int, bytes]] = []
+
+    def pass_until(now_ns: int) -> None:
+        while (deadline_ns := cut.deadline_ns) is not None and deadline_ns < now_ns:
+            left.append((deadline_ns, cut.tick(deadline_ns)))
+
+    for now_ns, data in came:
+        pass_until(now_ns)
+        left.append((now_ns, cut.feed(data, now_ns)))
+    if until_ns is not None:
+        pass_until(until_ns)
+    return [(now_ns, data.hex(" ")) for now_ns, data in left if data]

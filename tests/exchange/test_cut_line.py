@@ -1,0 +1,499 @@
+"""A line that cuts through: bytes in and out with their instants, by hand (see ``cut_line_bench``).
+
+A write of one position begins to leave 3.2 ms behind its first character (4.2): three for the eleventh
+byte, which leaves as the eighth, and the margin of a fifth. Its 13 characters are off the wire at
+17.2, and 10.5 of silence follow where it was spoilt: 27.7.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gateway.exchange.axis.record_layout import Remembered
+from gateway.exchange.control import Switch
+from gateway.exchange.cut_requests import STORED_FOR, WEIGHED_AT_LEAST, Heads
+from gateway.exchange.cut_through import Turn
+from gateway.exchange.latency import bucket_of
+from gateway.exchange.leads import (
+    LEARNED_AFTER,
+    Piece,
+    acknowledgement_shape,
+    read_shape,
+    reply_shape,
+    write_shape,
+)
+from gateway.exchange.plan import AxisPlan
+from gateway.exchange.transaction import Phase
+from gateway.modbus.crc import INVERTED, is_intact, residue_after
+from gateway.modbus.registers import BitField
+from tests.exchange.cut_line_bench import CHAR_NS, PLAN, Left, Site, frame_of
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
+from tests.exchange.record_bench import Records
+from tests.exchange.staged_bench import STOP_PDU, staged_plan
+from tests.exchange.test_cut_replies import BLOCK, STATUS
+from tests.exchange.test_fast_path import CURVE
+
+WRITE_SHAPE = write_shape(2, 0, 2)
+NEXT = write(COMMAND, 10_040)
+"""10 040 is 0000 2738, and leaves as 0000 2744: twelve counts more."""
+HEAD = [(4.2, "01 10 06 06"), (5.0, "00"), (6.0, "02"), (7.0, "04")]
+WHOLE = [*HEAD, (11.0, "27 44 00 00"), (13.0, "12 84")]
+ACKNOWLEDGED = frame_of(NEXT[:5])
+OTHER = bytes.fromhex("03 08 00 00 01")
+"""A read of the panel."""
+
+
+def site(*plans: AxisPlan, **options: Any) -> Site:
+    """A stream that has settled, whose next setpoint may be cut through."""
+    found = Site(*plans, **options)
+    found.settle()
+    found.measure(WRITE_SHAPE, read_shape())
+    return found
+
+
+def ends_spoilt(left: Left, length: int = 13) -> None:
+    """Assert that what left is as long as it said, and no frame."""
+    frame = bytes.fromhex(" ".join(data for _, data in left))
+    assert (len(frame), residue_after(frame)) == (length, INVERTED)
+
+
+def test_a_setpoint_leaves_four_characters_behind_itself_and_its_reply_two() -> None:
+    line = site()
+    line.measure(acknowledgement_shape(), of_replies=True)
+    began_ns = line.come(frame_of(NEXT))
+    assert line.to_drives(began_ns) == WHOLE
+    assert is_intact(bytes.fromhex(" ".join(data for _, data in WHOLE)))
+    current = line.line._current
+    assert current is not None
+    assert (current.phase, current.arrived_ns) == (Phase.SENT, began_ns + 13 * MS)
+    line.pass_to(began_ns + 20 * MS)
+    began_ns = line.reply(ACKNOWLEDGED)
+    assert line.to_cnc(began_ns) == [
+        (2.2, "01 10"),
+        (3.0, "06"),
+        (4.0, "06"),
+        (5.0, "00"),
+        (6.0, "02"),
+        (8.0, ACKNOWLEDGED[-2:].hex(" ")),
+    ]
+    assert line.line.is_idle
+    assert line.cnc.replies == [(0, 1, NEXT[:5])]  # once
+    assert (line.requests(), line.replies()) == ({Turn.COMMITTED: 1}, {Turn.COMMITTED: 1})
+    assert line.line.axes[0].fields[0].nominal_words == NEXT[6:]
+    assert line.cuts.torn == 0
+    # The request was off the wire at 17.2, and the reply began at 20.
+    assert line.line.meter.measured["cnc", 1].drive[bucket_of(2_800_000)] == 1
+
+
+def test_a_read_leaves_at_its_function_and_the_position_in_its_reply_when_it_is_whole() -> None:
+    line = Site(stream_plan(table=CURVE, bits={"done": BitField(STATUS, 0)}))
+    line.settle()
+    line.bench.ask(BLOCK)
+    line.forget()
+    line.measure(read_shape())
+    line.measure(reply_shape(3, [(0, 2)]), of_replies=True)
+    line.pass_to(line.bench.now_ns + 10 * MS)
+    began_ns = line.come(frame_of(BLOCK))
+    assert line.to_drives(began_ns) == [
+        (2.2, "01 03"),
+        (3.0, "05"),
+        (4.0, "20"),
+        (5.0, "00"),
+        (6.0, "03"),
+        (8.0, frame_of(BLOCK)[-2:].hex(" ")),
+    ]
+    drive = line.bench.memory.answer(BLOCK)
+    told = ACTUAL.pack(10_000)
+    began_ns = line.reply(frame_of(drive))
+    passed = frame_of(drive[:2] + told + drive[6:])
+    # The position is whole with the seventh byte, and leaves as the fourth: after three and a margin.
+    assert line.to_cnc(began_ns) == [
+        (4.2, "01 03 06"),
+        (7.0, told.hex(" ")),
+        (8.0, drive[6:7].hex(" ")),
+        (9.0, drive[7:8].hex(" ")),
+        (11.0, passed[-2:].hex(" ")),
+    ]
+
+
+def test_w3_a_bad_check_sum_leaves_as_one_that_is_bad_in_both_bytes_and_nothing_follows_in_the_silence() -> (
+    None
+):
+    line = site()
+    frame = frame_of(NEXT)
+    began_ns = line.come(frame[:-1] + bytes((frame[-1] ^ 0x10,)))
+    # ED 7B are the bits of 12 84, all of them inverted.
+    assert line.to_drives(began_ns) == [*HEAD, (11.0, "27 44 00 00"), (13.0, "ed 7b")]
+    assert (line.line.is_idle, line.line.deadline_ns) == (True, began_ns + 27_700_000)
+    line.hear(line.panel, frame_of(OTHER))
+    line.pass_to(began_ns + 40 * MS)
+    assert line.to_drives(began_ns) == [(27.7, frame_of(OTHER).hex(" "))]
+    assert line.requests() == {Turn.BAD: 1}
+    # Nothing was lost: that never was a request (M3).
+    assert (line.line.counters.refused, line.bench.kinds()) == (0, ["line-up", "stream-began"])
+
+
+def test_a_frame_that_stalls_is_spoilt_and_goes_behind_the_silence_if_the_rest_comes_after_all() -> None:
+    line = site()
+    frame = frame_of(NEXT)
+    began_ns = line.come(frame[:6])
+    line.pass_to(began_ns + 9 * MS)
+    # A character and a pause of 1.5 behind the sixth byte: 6 + 2.5.
+    left = line.to_drives(began_ns)
+    assert [when for when, _ in left] == [4.2, 5.0, 6.0, 8.5]
+    ends_spoilt(left)
+    line.come(frame[6:])
+    line.pass_to(began_ns + 40 * MS)
+    sent = bytes.fromhex(" ".join(data for _, data in WHOLE)).hex(" ")
+    assert line.to_drives(began_ns) == [(27.7, sent)]
+    assert line.requests() == {Turn.STALLED: 1}
+
+
+def test_a_target_that_may_not_leave_is_judged_in_its_turn_behind_the_silence() -> None:
+    line = site()
+    turned = write(COMMAND, 9_000)  # the way turns: the slow path decides
+    began_ns = line.come(frame_of(turned))
+    left = line.to_drives(began_ns)
+    assert left[:-1] == HEAD
+    assert left[-1][0] == 11.0
+    ends_spoilt(left)
+    line.pass_to(began_ns + 40 * MS)
+    ((when, sent),) = line.to_drives(began_ns)
+    assert when == 27.7
+    assert is_intact(bytes.fromhex(sent))
+    assert line.requests() == {Turn.REFUSED: 1}
+    current = line.line._current
+    assert current is not None
+    assert (current.pdu, current.path) == (turned, None)
+
+
+@pytest.mark.parametrize(("bytes_come", "spoilt_at"), [(6, 6.4), (8, 8.4), (12, 12.4)])
+def test_m3_a_stop_of_another_controller_spoils_what_leaves_and_goes_behind_the_silence(
+    bytes_come: int, spoilt_at: float
+) -> None:
+    line = site(PLAN, staged_plan(name="y", unit_id=2))
+    began_ns = line.come(frame_of(NEXT)[:bytes_come])
+    line.pass_to(began_ns + int(spoilt_at * MS))
+    line.hear(line.panel, frame_of(STOP_PDU, 2))
+    left = line.to_drives(began_ns)
+    assert left[-1][0] == spoilt_at
+    ends_spoilt(left)
+    assert line.requests() == {Turn.OVERTAKEN: 1}
+    # The rest of it comes while the stop waits: it goes after the stop.
+    line.come(frame_of(NEXT)[bytes_come:], since_ns=began_ns + bytes_come * MS)
+    line.pass_to(began_ns + 30 * MS)
+    assert line.to_drives(began_ns) == [(27.7, frame_of(STOP_PDU, 2).hex(" "))]
+    line.answer(frame_of(STOP_PDU, 2))
+    sent = bytes.fromhex(" ".join(data for _, data in WHOLE)).hex(" ")
+    assert line.to_drives(began_ns) == [(30.0, sent)]
+
+
+def test_what_another_controller_asks_meanwhile_waits_for_its_reply() -> None:
+    line = site()
+    began_ns = line.come(frame_of(NEXT)[:8])
+    line.hear(line.panel, frame_of(OTHER))
+    line.come(frame_of(NEXT)[8:])
+    assert line.to_drives(began_ns) == WHOLE
+    line.pass_to(began_ns + 20 * MS)
+    line.answer(ACKNOWLEDGED)
+    line.pass_to(began_ns + 40 * MS)
+    assert line.to_drives(began_ns)[0][1] == frame_of(OTHER).hex(" ")
+
+
+def test_a_port_that_is_lost_while_its_request_leaves_ends_it() -> None:
+    line = site()
+    began_ns = line.come(frame_of(NEXT)[:8])
+    line.line.controller_gone(line.cnc, line.bench.now_ns)
+    left = line.to_drives(began_ns)
+    assert [when for when, _ in left] == [4.2, 5.0, 6.0, 7.0, 8.0]
+    ends_spoilt(left)
+    assert (line.line.is_idle, line.requests()) == (True, {Turn.GONE: 1})
+
+
+def test_a_wire_that_is_lost_while_a_request_leaves_gets_no_more_of_it() -> None:
+    line = site()
+    began_ns = line.come(frame_of(NEXT)[:8])
+    line.line.link_down(line.bench.now_ns)
+    line.come(frame_of(NEXT)[8:])
+    assert line.to_drives(began_ns) == HEAD
+    assert (line.line.is_idle, line.requests()) == (True, {Turn.LOST: 1})
+    assert line.cnc.replies == []  # a serial controller: silence
+
+
+def test_bytes_of_the_drives_meet_what_leaves_and_spoil_it() -> None:
+    line = site()
+    began_ns = line.come(frame_of(NEXT)[:8])
+    line.answer(b"\x01")
+    ends_spoilt(line.to_drives(began_ns))
+    assert (line.requests(), line.line.counters.late) == ({Turn.MET: 1}, 1)
+
+
+def test_w5_its_controller_begins_another_request() -> None:
+    line = site()
+    frame = frame_of(NEXT)
+    began_ns = line.come(frame[:12])
+    line.pass_to(began_ns + 13 * MS)
+    line.hear(line.cnc, frame[12:] + frame_of(read(ACTUAL))[:1])
+    left = line.to_drives(began_ns)
+    ends_spoilt(left)
+    assert line.requests() == {Turn.ANEW: 1}
+
+
+def test_a_gateway_that_stops_lets_it_end() -> None:
+    line = site()
+    began_ns = line.come(frame_of(NEXT)[:8])
+    line.line.stop(line.bench.now_ns)
+    assert not line.line.is_idle
+    line.come(frame_of(NEXT)[8:])
+    assert line.to_drives(began_ns) == WHOLE
+
+
+def test_the_record_says_what_leaves_before_its_check_sum_does() -> None:
+    records = Records()
+    line = site(before_up=records.attach)
+    line.link.on_piece = lambda: told.append(records.read())
+    told: list[Remembered | None] = []
+    line.come(frame_of(NEXT))
+    # With each of its pieces: what was sent before, and with the check sum what leaves.
+    before, after = told[0], told[-1]
+    assert told == [before] * 5 + [after]
+    assert before is not None
+    assert after is not None
+    assert (before.unproven is None, after.unproven is not None) == (True, True)
+
+
+@pytest.mark.parametrize(
+    "what",
+    ["down", "busy", "resting", "silent", "stopping", "link", "gate"],
+)
+def test_what_would_not_go_out_at_once_is_stored(what: str) -> None:
+    line = site()
+    if what == "down":
+        line.line.link_down(line.bench.now_ns)
+        line.forget()
+    elif what == "busy":
+        line.hear(line.panel, frame_of(OTHER))
+        line.forget()
+    elif what == "resting":
+        line.line.rest.drain(line.bench.now_ns)
+    elif what == "silent":
+        line.line.answers.miss(1, line.bench.now_ns, line.bench.now_ns)
+    elif what == "stopping":
+        line.line.stop(line.bench.now_ns)
+    elif what == "link":
+        line.link.is_busy = True
+    elif what == "gate":
+        line.cnc.gate = line.panel.gate
+    began_ns = line.come(frame_of(NEXT)[:12])
+    assert line.to_drives(began_ns) == []
+
+
+def test_a_line_that_was_taken_before_the_lead_was_over_is_not_free_any_more() -> None:
+    line = site()
+    began_ns = line.come(frame_of(NEXT)[:4])
+    line.pass_to(began_ns + 4_100_000)
+    line.hear(line.panel, frame_of(OTHER))  # a quarter of a character too soon
+    line.come(frame_of(NEXT)[4:], since_ns=began_ns + 4 * MS)
+    assert line.to_drives(began_ns) == [(4.1, frame_of(OTHER).hex(" "))]
+    assert line.requests() == {}
+
+
+def test_two_setpoints_in_a_row_are_cut_through() -> None:
+    line = site()
+    for counts in (10_040, 10_080, 10_120):
+        line.come(frame_of(write(COMMAND, counts)))
+        line.pass_to(line.bench.now_ns + 5 * MS)
+        line.answer(ACKNOWLEDGED)
+        line.pass_to(line.bench.now_ns + 5 * MS)
+    assert line.requests() == {Turn.COMMITTED: 3}
+    assert [reply for _, _, reply in line.cnc.replies] == [NEXT[:5]] * 3
+    assert line.line.axes[0].fields[0].nominal_words == write(COMMAND, 10_120)[6:]
+
+
+# --- replies --------------------------------------------------------------------------------------------
+
+
+def asked(pdu: bytes = NEXT) -> Site:
+    """A request that has left, and replies to it that may be cut through."""
+    line = site()
+    line.measure(acknowledgement_shape(), reply_shape(2, [(0, 2)]), of_replies=True)
+    line.come(frame_of(pdu))
+    line.forget()
+    line.pass_to(line.bench.now_ns + 5 * MS)
+    return line
+
+
+def test_a_reply_with_a_bad_check_sum_is_passed_on_as_one_that_is_bad_in_both_bytes() -> None:
+    line = asked()
+    began_ns = line.reply(ACKNOWLEDGED[:-1] + bytes((ACKNOWLEDGED[-1] ^ 1,)))
+    ends_spoilt(line.to_cnc(began_ns), 8)
+    assert (line.replies(), line.line.is_idle) == ({Turn.BAD: 1}, False)
+    line.pass_to(began_ns + 1100 * MS)
+    assert line.line.counters.timeouts == 1
+    assert line.cnc.replies == []
+
+
+def test_a_reply_that_stalls_is_spoilt_and_what_it_says_counts_all_the_same() -> None:
+    line = asked()
+    began_ns = line.reply(ACKNOWLEDGED[:5])
+    line.pass_to(began_ns + 12 * MS)
+    left = line.to_cnc(began_ns)
+    assert [when for when, _ in left] == [2.2, 3.0, 4.0, 5.0, 7.075]  # an eighth before it would be empty
+    ends_spoilt(left, 8)
+    line.reply(ACKNOWLEDGED[5:])
+    assert (line.line.is_idle, line.cnc.replies) == (True, [])
+    assert line.line.axes[0].fields[0].nominal_words == NEXT[6:]
+    # Such replies are stored for a while: its controller had to ask again.
+    line.pass_to(line.bench.now_ns + 20 * MS)
+    line.come(frame_of(NEXT))
+    line.forget()
+    line.reply(ACKNOWLEDGED)
+    assert line.cnc.replies == [(0, 1, NEXT[:5])]
+    assert line.replies() == {Turn.STALLED: 1, Turn.KEPT: 1}
+
+
+def test_w4_another_acknowledgement_is_spoilt_and_none() -> None:
+    line = asked()
+    began_ns = line.reply(frame_of(bytes.fromhex("10 FF FF 00 02")))
+    left = line.to_cnc(began_ns)
+    ends_spoilt(left, 8)
+    assert (line.replies(), line.line.is_idle, line.cnc.replies) == ({Turn.CHANGED: 1}, True, [])
+    assert line.line.axes[0].fields[0].nominal_words != NEXT[6:]
+
+
+def test_an_exception_is_passed_on_whole() -> None:
+    line = asked()
+    began_ns = line.reply(frame_of(b"\x90\x06"))
+    assert line.to_cnc(began_ns) == [(5.0, frame_of(b"\x90\x06").hex(" "))]
+
+
+def test_a_drive_link_that_is_lost_ends_the_reply_that_leaves() -> None:
+    line = asked()
+    began_ns = line.reply(ACKNOWLEDGED[:5])
+    line.line.link_down(line.bench.now_ns)
+    ends_spoilt(line.to_cnc(began_ns), 8)
+    assert line.replies() == {Turn.GONE: 1}
+
+
+def test_a_controller_that_is_lost_hears_no_more_of_its_reply() -> None:
+    line = asked()
+    began_ns = line.reply(ACKNOWLEDGED[:5])
+    line.line.controller_gone(line.cnc, line.bench.now_ns)
+    line.reply(ACKNOWLEDGED[5:])
+    assert line.to_cnc(began_ns) == [(2.2, "01 10"), (3.0, "06"), (4.0, "06"), (5.0, "00")]
+    assert (line.replies(), line.line.is_idle) == ({Turn.LOST: 1}, True)
+
+
+def test_a_reply_does_not_begin_before_the_silence_behind_its_request_is_over() -> None:
+    line = asked()
+    line.cnc.is_busy = True
+    began_ns = line.reply(ACKNOWLEDGED)
+    assert line.to_cnc(began_ns) == [(8.0, ACKNOWLEDGED.hex(" "))]
+
+
+# --- whether it pays ------------------------------------------------------------------------------------
+
+
+def test_what_is_a_loss_is_stored_for_the_next_ones() -> None:
+    heads = Heads(CHAR_NS, CHAR_NS)
+    line = site()
+    pdu = b"\x01" + NEXT
+    heads.note(line.cuts.units.path_of(1, NEXT), pdu, pdu)
+    pieces = [Piece(number * CHAR_NS, number + 1) for number in range(WRITE_SHAPE.length)]
+    for _ in range(LEARNED_AFTER):
+        heads.measure(WRITE_SHAPE, pieces)
+    assert heads.opening(pdu[:4]) is not None
+    for _ in range(WEIGHED_AT_LEAST - 1):
+        heads.pay(pdu, 9 * MS)
+    heads.pay(pdu, -8 * 9 * MS)
+    assert heads.opening(pdu[:4]) is None
+    for _ in range(STORED_FOR - 1):
+        heads.came(pdu)
+        assert heads.opening(pdu[:4]) is None
+    heads.came(pdu)
+    assert heads.opening(pdu[:4]) is not None
+
+
+def test_a_line_without_the_key_has_none_of_this() -> None:
+    assert Bench(PLAN).line.cuts is None
+
+
+# --- each end in each state -----------------------------------------------------------------------------
+
+STATES = {"begun": 4, "led": 6, "head": 7, "data": 11, "checked": 12}
+"""Characters that have come: nothing has left, then some of its head, all of it, its position."""
+
+
+def _stop(line: Site) -> None:
+    line.hear(line.panel, frame_of(STOP_PDU, 2))
+
+
+def _noise(line: Site) -> None:
+    line.answer(b"\x55")
+
+
+def _port(line: Site) -> None:
+    line.line.controller_gone(line.cnc, line.bench.now_ns)
+
+
+def _wire(line: Site) -> None:
+    line.line.link_down(line.bench.now_ns)
+    line.line.link_up(line.bench.now_ns)
+
+
+def _silence(line: Site) -> None:
+    line.pass_to(line.bench.now_ns + 3 * CHAR_NS)
+
+
+def _table(line: Site) -> None:
+    line.line.control(Switch("x", is_wanted=False), line.bench.now_ns)
+
+
+ENDS: dict[Callable[[Site], None], Turn] = {
+    _stop: Turn.OVERTAKEN,
+    _noise: Turn.MET,
+    _port: Turn.GONE,
+    _wire: Turn.LOST,
+    _silence: Turn.STALLED,
+    _table: Turn.CHANGED,
+}
+
+
+@pytest.mark.parametrize("end", ENDS, ids=lambda end: end.__name__.strip("_"))
+@pytest.mark.parametrize("state", STATES)
+def test_each_end_in_each_state_leaves_a_line_that_works(state: str, end: Callable[[Site], None]) -> None:
+    line = site(PLAN, staged_plan(name="y", unit_id=2))
+    frame = frame_of(NEXT)
+    began_ns = line.come(frame[: STATES[state]])
+    has_begun = line.line._current is not None
+    assert has_begun == (state != "begun")
+    if has_begun:
+        assert line.line._current is not None
+        assert line.line._current.phase is Phase.LEAVING
+    end(line)
+    line.come(frame[STATES[state] :])
+    left = line.to_drives(began_ns)
+    if has_begun:
+        is_judged = STATES[state] >= 11
+        why = Turn.REFUSED if end is _table and not is_judged else ENDS[end]
+        assert line.requests() == {why: 1}
+        if end is _wire:
+            assert all(when < STATES[state] + 1 for when, _ in left)
+        else:
+            spoilt = [data for when, data in left if when < 27.7]
+            ends_spoilt([(0.0, data) for data in spoilt])
+    # Whatever is owed is answered, then the line is as any other, and the next setpoint goes through.
+    for _ in range(4):
+        line.pass_to(line.bench.now_ns + 1500 * MS)
+        if line.line._current is not None:
+            line.serve()
+    assert line.line.is_idle
+    assert line.line.rest.until_ns is None
+    line.forget()
+    line.hear(line.cnc, frame_of(write(COMMAND, 10_080)))
+    for _ in range(4):
+        if line.line._current is not None:
+            line.serve()
+    assert line.cnc.replies[-1] == (0, 1, NEXT[:5])
+    assert line.line.axes[0].fields[0].nominal_words == write(COMMAND, 10_080)[6:]

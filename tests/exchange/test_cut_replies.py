@@ -1,0 +1,175 @@
+"""Replies that are cut through say what they would have said whole, or are spoilt: on real axes."""
+
+from collections.abc import Callable
+from random import Random
+
+import pytest
+
+from gateway.exchange.axis.state import Rendering
+from gateway.exchange.cut_replies import Replies, ReplyJudge, reply_shape_of
+from gateway.exchange.cut_through import Cut, CutThrough, Turn
+from gateway.exchange.leads import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, reply_shape
+from gateway.exchange.plan import AxisPlan
+from gateway.exchange.transaction import Transaction
+from gateway.modbus.crc import INVERTED, append_crc, residue_after
+from gateway.modbus.registers import BitField
+from gateway.modbus.rtu_arrival import Known, ReplyArrival
+from tests.exchange.cut_bench import CHAR_NS, PACE, characters, play
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
+from tests.exchange.test_fast_path import CURVE
+
+STATUS = 0x0522
+BLOCK = bytes.fromhex("03 05 20 00 03")
+"""Actual position and status in one read."""
+PLAN = stream_plan(table=CURVE, bits={"done": BitField(STATUS, 0)})
+
+
+class Way:
+    """A line on which the reply to what is on the wire comes character by character."""
+
+    def __init__(self, plan: AxisPlan = PLAN) -> None:
+        self.bench = Bench(plan)
+        self.replies = Replies(CHAR_NS, CHAR_NS, CHAR_NS)
+        self.turns: list[Turn] = []
+
+    def measure(self, shape: Shape | None) -> None:
+        assert shape is not None
+        pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
+        for _ in range(LEARNED_AFTER):
+            self.replies.measure(shape, pieces)
+
+    def settle(self) -> None:
+        """Let a stream begin, and go on until no correction is blended any more."""
+        for counts in range(2_000, 10_001, 40):
+            self.bench.ask(write(COMMAND, counts))
+            self.bench.memory.put(ACTUAL, self.bench.memory.get(COMMAND))
+            self.bench.now_ns += 10 * MS
+
+    def ask(
+        self, pdu: bytes, meanwhile: Callable[[], None] = lambda: None, reply: bytes = b""
+    ) -> tuple[CutThrough, bytes]:
+        """Send a request; return what became of its reply, and what the line makes of it when it is whole."""
+        bench = self.bench
+        bench.send(pdu)
+        [(unit_id, sent)] = bench.link.sent
+        bench.link.sent.clear()
+        transaction = bench.line._current
+        assert isinstance(transaction, Transaction)
+        reply = reply or bench.memory.answer(sent)
+        shape = reply_shape_of(transaction)
+        if shape is not None:
+            self.measure(shape)
+        judge = ReplyJudge(transaction, self.replies, lambda: True)
+        self.turns = []
+        cut = CutThrough(ReplyArrival(unit_id, sent), judge, PACE, self.turns.append)
+        came = characters(append_crc(bytes((unit_id,)) + reply), from_ns=bench.now_ns)
+        play(cut, came[:-1])
+        meanwhile()
+        play(cut, came[-1:], came[-1][0] + 100 * CHAR_NS)
+        bench.now_ns += MS
+        bench.line.reply(unit_id, reply, bench.now_ns)
+        passed = bench.port.take()
+        self.replies.note(transaction, passed)
+        bench.now_ns += 10 * MS
+        return cut, passed
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_replies_leave_as_the_line_would_have_passed_them_on(seed: int) -> None:
+    rng, way = Random(seed), Way()
+    way.settle()
+    counts, states = 10_000, []
+    for pdu in (BLOCK, read(ACTUAL), read(COMMAND)):
+        cut, _ = way.ask(pdu)
+        assert cut.state is Cut.STORED  # nothing is known that it could be filled with
+    for number in range(80):
+        counts += 40 if number < 50 else -40
+        kind = rng.randrange(4)
+        request = (write(COMMAND, counts), BLOCK, read(ACTUAL), read(COMMAND))[kind]
+        lag = rng.randint(0, 30)
+        way.bench.memory.put(ACTUAL, way.bench.memory.get(COMMAND) - lag)
+        way.bench.memory.words[STATUS] = rng.randint(0, 3)
+        cut, passed = way.ask(request)
+        states.append(cut.state)
+        if cut.state is Cut.WHOLE:
+            assert cut.left == append_crc(b"\x01" + passed)
+        else:  # the slow path took the target: of its reply nothing leaves early
+            assert (kind, cut.state, cut.left) == (0, Cut.STORED, b"")
+    assert states.count(Cut.WHOLE) > 40
+
+
+def test_the_shapes_of_replies() -> None:
+    way = Way()
+    way.settle()
+    found = []
+    for pdu in (write(COMMAND, 10_040), read(ACTUAL), BLOCK, bytes.fromhex("03 01 00 00 02")):
+        way.bench.send(pdu)
+        assert way.bench.line._current is not None
+        found.append(reply_shape_of(way.bench.line._current))
+        way.bench.serve()
+        way.bench.port.take()
+    assert found == [acknowledgement_shape(), reply_shape(2, [(0, 2)]), reply_shape(3, [(0, 2)]), None]
+
+
+def begun(way: Way, pdu: bytes) -> tuple[Transaction, CutThrough]:
+    """Send a request; return it, and a cutter for its reply."""
+    way.bench.send(pdu)
+    transaction = way.bench.line._current
+    assert transaction is not None
+    judge = ReplyJudge(transaction, way.replies, lambda: True)
+    return transaction, CutThrough(ReplyArrival(1, pdu), judge, PACE, way.turns.append)
+
+
+def test_a_spoilt_reply_is_filled_with_what_was_said_before() -> None:
+    way = Way()
+    way.settle()
+    _, before = way.ask(BLOCK)
+    way.bench.memory.put(ACTUAL, 9_000)
+    _, cut = begun(way, BLOCK)
+    # Its head has left, and the first word of a position that is never whole.
+    play(cut, characters(b"\x01" + way.bench.memory.answer(BLOCK)[:4]), 90_000)
+    assert (cut.state, way.turns[-1]) == (Cut.SPOILT, Turn.STALLED)
+    assert cut.left[:-2] == b"\x01" + before
+    assert residue_after(cut.left) == INVERTED
+
+
+def test_w4_an_acknowledgement_of_other_registers_gets_no_check_sum() -> None:
+    way = Way()
+    way.settle()
+    cut, passed = way.ask(write(COMMAND, 10_040), reply=bytes.fromhex("10 FF FF 00 02"))
+    assert passed == bytes.fromhex("10 FF FF 00 02")
+    assert (cut.state, way.turns[-1], cut.arrival.known) == (Cut.SPOILT, Turn.CHANGED, Known.GOOD)
+    # It has gone on as it came: only its check sum is not the right one.
+    assert cut.left[:-2] == bytes.fromhex("01 10 FF FF 00 02")
+
+
+def test_an_exception_is_stored() -> None:
+    way = Way()
+    way.settle()
+    cut, passed = way.ask(write(COMMAND, 10_040), reply=b"\x90\x04")
+    assert (cut.state, cut.left, passed) == (Cut.STORED, b"", b"\x90\x04")
+
+
+def test_the_reply_to_what_went_the_slow_path_is_stored() -> None:
+    way = Way()
+    way.settle()
+    for _ in range(2):
+        way.ask(read(COMMAND))
+    way.bench.line.axes[0].fall_silent(way.bench.now_ns, way.bench.now_ns)
+    transaction, cut = begun(way, read(COMMAND))
+    play(cut, characters(append_crc(b"\x01" + way.bench.memory.answer(read(COMMAND)))))
+    assert (transaction.path, cut.state) == (None, Cut.STORED)
+
+
+def test_a_reading_that_may_prove_a_target_is_not_turned_back_before_it_is_whole() -> None:
+    way = Way()
+    way.settle()
+    way.ask(read(COMMAND))
+    axis = way.bench.line.axes[0]
+    _, cut = begun(way, read(COMMAND))
+    words = axis.fields[0].nominal_words
+    assert words is not None
+    axis.unproven = Rendering(0, words, b"\0\0\0\1", 1.0, None)
+    play(cut, characters(append_crc(b"\x01" + way.bench.memory.answer(read(COMMAND)))))
+    assert (cut.state, way.turns[-1]) == (Cut.SPOILT, Turn.REFUSED)
+    assert len(cut.left) == reply_shape(2, [(0, 2)]).length

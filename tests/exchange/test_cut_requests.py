@@ -1,0 +1,242 @@
+"""Requests that are cut through leave as they would have been sent, or are spoilt: on real axes."""
+
+from collections.abc import Callable
+from random import Random
+
+import pytest
+
+from gateway.exchange.axis.events import SteadyTarget
+from gateway.exchange.cut_requests import Heads, RequestJudge, leave_on
+from gateway.exchange.cut_through import Cut, CutThrough, Turn
+from gateway.exchange.dispatch import Units
+from gateway.exchange.leads import LEARNED_AFTER, Piece, read_shape, write_shape
+from gateway.exchange.plan import AxisPlan
+from gateway.exchange.transaction import FastPath, Phase, Transaction
+from gateway.modbus.crc import INVERTED, append_crc, residue_after
+from gateway.modbus.rtu_arrival import Known, RequestArrival
+from tests.exchange.cut_bench import CHAR_NS, PACE, characters, play
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, read, stream_plan, write
+from tests.exchange.test_fast_path import CURVE
+
+WRITE_SHAPE = write_shape(2, 0, 2)
+
+
+def frame_of(pdu: bytes, unit_id: int = 1) -> bytes:
+    return append_crc(bytes((unit_id,)) + pdu)
+
+
+class Way:
+    """A stream over a line that stores, and beside it a cutter for what comes next."""
+
+    def __init__(self, plan: AxisPlan | None = None) -> None:
+        self.bench = Bench(plan or stream_plan(table=CURVE))
+        self.units = Units(self.bench.line.axes, is_serial=True)
+        self.heads = Heads(CHAR_NS, CHAR_NS, CHAR_NS)
+        self.is_free = True
+        self.left: list[Transaction] = []
+        self.turns: list[Turn] = []
+        for shape in (WRITE_SHAPE, read_shape()):
+            pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
+            for _ in range(LEARNED_AFTER):
+                self.heads.measure(shape, pieces)
+
+    def store(self, pdu: bytes) -> bytes:
+        """Let a request go the usual way, and be acknowledged; return what the drive was told."""
+        self.bench.ask(pdu)
+        sent = self.bench.seen[-1]
+        self.heads.note(self.units.path_of(1, pdu), b"\x01" + pdu, b"\x01" + sent)
+        return sent
+
+    def stream(self, *counts: float) -> bytes:
+        """Store setpoints, one in 10 ms; return the last as it left."""
+        for each in counts:
+            sent = self.store(write(COMMAND, each))
+            self.bench.now_ns += 10 * MS
+        return sent
+
+    def settle(self) -> bytes:
+        """Let a stream begin, and go on until no correction is blended any more: it is at 10 000 counts."""
+        return self.stream(*range(2_000, 10_001, 40))
+
+    def begin(self) -> CutThrough:
+        """Return a cutter for what comes next."""
+
+        def leaves(path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
+            transaction = Transaction(self.bench.port, 0, 1, pdu, now_ns)
+            transaction.lead()
+            sent = leave_on(path, transaction, target, now_ns)
+            if sent is not None:
+                transaction.leave(now_ns, 1, MS)
+                self.left.append(transaction)
+            return sent
+
+        judge = RequestJudge(self.bench.port, self.units, self.heads, lambda: self.is_free, leaves)
+        self.turns = []
+        return CutThrough(RequestArrival(), judge, PACE, self.turns.append)
+
+    def cut(
+        self, frame: bytes, meanwhile: Callable[[], None] = lambda: None, after_bytes: int = 12
+    ) -> CutThrough:
+        """Let a frame come character by character; something happens after so many of them."""
+        cut = self.begin()
+        came = characters(frame, from_ns=self.bench.now_ns)
+        play(cut, came[:after_bytes])
+        meanwhile()
+        play(cut, came[after_bytes:], came[-1][0] + 100 * CHAR_NS)
+        return cut
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_stream_leaves_as_the_line_would_have_sent_it(seed: int) -> None:
+    rng, way = Random(seed), Way()
+    way.settle()
+    counts, step = 10_000, 40
+    outcomes = []
+    for number in range(110):
+        step = -step if number % 40 == 39 else step
+        counts += step * rng.randint(0, 2)
+        cut = way.cut(frame_of(write(COMMAND, counts)))
+        sent = way.store(write(COMMAND, counts))  # the same line, the same instant, stored
+        way.bench.now_ns += 10 * MS
+        outcomes.append(cut.state)
+        if cut.state is Cut.WHOLE:
+            assert cut.left == frame_of(sent)
+            assert way.left[-1].phase is Phase.SENT
+        elif cut.state is Cut.SPOILT:  # the way turns: the slow path decides, and the drive gets no frame
+            assert way.turns[-1] is Turn.REFUSED
+            assert residue_after(cut.left) == INVERTED
+            assert cut.arrival.known is Known.GOOD
+        else:  # the correction of the turn is blended
+            assert cut.left == b""
+    assert outcomes.count(Cut.WHOLE) > 60
+    assert outcomes.count(Cut.SPOILT) == 2  # once for each turn
+
+
+def test_a_spoilt_target_is_filled_with_what_the_drive_holds() -> None:
+    way = Way()
+    last = way.settle()
+    cut = way.cut(frame_of(write(COMMAND, 9_000)))
+    assert cut.state is Cut.SPOILT
+    assert cut.left[1:-2] == last
+
+
+def test_whoever_takes_the_axis_over_meanwhile_is_not_overwritten() -> None:
+    way = Way()
+    way.settle()
+    hold = way.bench.line.axes[0].hold
+    cut = way.cut(
+        frame_of(write(COMMAND, 10_120)), lambda: hold.move("panel (192.168.0.9)", way.bench.now_ns)
+    )
+    assert (cut.state, way.turns[-1], way.left) == (Cut.SPOILT, Turn.CHANGED, [])
+
+
+def test_an_axis_whose_link_was_lost_meanwhile_gets_no_target() -> None:
+    way = Way()
+    way.settle()
+    cut = way.cut(
+        frame_of(write(COMMAND, 10_120)), lambda: way.bench.line.axes[0].lose_link(way.bench.now_ns)
+    )
+    assert cut.state is Cut.SPOILT
+    assert way.left == []
+
+
+def test_a_read_leaves_at_its_function_wherever_it_reads() -> None:
+    way = Way()
+    way.stream(10_000, 10_040)
+    way.store(read(ACTUAL))
+    for pdu in (read(ACTUAL), bytes.fromhex("03 01 00 00 07")):
+        frame = frame_of(pdu)
+        cut = way.cut(frame)
+        assert (cut.state, cut.left) == (Cut.WHOLE, frame)
+    # One that cuts a position goes the slow path: nothing that a drive could take for a frame has left.
+    cut = way.cut(frame_of(bytes.fromhex("03 05 20 00 01")))
+    assert (cut.state, way.turns[-1]) == (Cut.SPOILT, Turn.UNFIT)
+
+
+@pytest.mark.parametrize(
+    "pdu",
+    [
+        "06 06 06 00 00",  # a single register
+        "10 06 06 00 02 04 00 00 00 00",  # a position that was not written before
+        "10 06 08 00 02 04 00 00 00 00",  # other registers
+        "17 05 20 00 02 06 06 00 02 04 00 00 00 00",  # read and write in one
+        "05 00 01 FF 00",
+        "04 05 20 00 02",  # a function that has not been used
+    ],
+)
+def test_what_does_not_begin_like_something_acknowledged_is_stored(pdu: str) -> None:
+    way = Way()
+    way.bench.ask(write(COMMAND, 10_000))
+    way.store(read(ACTUAL))
+    cut = way.cut(frame_of(bytes.fromhex(pdu)))
+    assert (cut.state, cut.left) == (Cut.STORED, b"")
+
+
+def test_nothing_begins_to_leave_while_the_line_is_not_free() -> None:
+    way = Way()
+    way.settle()
+    way.is_free = False
+    assert way.cut(frame_of(write(COMMAND, 10_120))).state is Cut.STORED
+
+
+def test_a_broadcast_and_another_unit_are_stored() -> None:
+    way = Way()
+    way.settle()
+    for unit_id in (0, 2):
+        assert way.cut(frame_of(write(COMMAND, 10_120), unit_id)).state is Cut.STORED
+
+
+def test_two_writes_that_begin_alike_are_both_stored() -> None:
+    way = Way()
+    way.settle()
+    block = bytes.fromhex("10 06 06 00 03 06") + write(COMMAND, 10_120)[6:] + b"\0\0"
+    way.store(block)
+    assert way.cut(frame_of(write(COMMAND, 10_160))).state is Cut.STORED
+    way.stream(*range(10_200, 14_000, 40))
+    assert way.cut(frame_of(write(COMMAND, 14_000))).state is Cut.STORED
+
+
+def test_the_first_block_behind_a_known_beginning_is_spoilt_and_those_after_it_are_stored() -> None:
+    way = Way()
+    way.settle()
+    block = bytes.fromhex("10 06 06 00 03 06") + write(COMMAND, 10_120)[6:] + b"\0\0"
+    cut = way.cut(frame_of(block))
+    assert (cut.state, way.turns[-1], cut.arrival.known) == (Cut.SPOILT, Turn.UNFIT, Known.GOOD)
+    assert len(cut.left) == WRITE_SHAPE.length
+    way.store(block)
+    assert way.cut(frame_of(block)).state is Cut.STORED
+
+
+def test_a_target_for_an_axis_whose_drive_fell_silent_is_stored() -> None:
+    way = Way()
+    way.settle()
+    way.bench.line.axes[0].fall_silent(way.bench.now_ns, way.bench.now_ns)
+    cut = way.cut(frame_of(write(COMMAND, 10_120)))
+    assert (cut.state, way.left) == (Cut.STORED, [])
+
+
+def test_nothing_is_cut_through_before_the_port_was_measured() -> None:
+    heads = Heads(CHAR_NS, CHAR_NS, CHAR_NS)
+    way = Way()
+    pdu = write(COMMAND, 10_000)
+    path = way.units.path_of(1, pdu)
+    heads.note(path, b"\x01" + pdu, b"\x01" + pdu)
+    assert heads.opening(b"\x01" + pdu[:3]) is None
+    pieces = [Piece(index * CHAR_NS, index + 1) for index in range(13)]
+    for _ in range(LEARNED_AFTER):
+        heads.measure(WRITE_SHAPE, pieces)
+    opening = heads.opening(b"\x01" + pdu[:3])
+    assert opening is not None
+    assert (opening.shape, opening.lead_ns, opening.filler) == (WRITE_SHAPE, 4000, b"\x01" + pdu)
+    assert heads.opening(b"\x01" + pdu[:2]) is None
+
+
+def test_another_port_is_another_controller() -> None:
+    way = Way()
+    way.settle()
+    other = Port()
+    other.writer = "panel"
+    judge = RequestJudge(other, way.units, way.heads, lambda: True, lambda *_: None)
+    cut = CutThrough(RequestArrival(), judge, PACE, way.turns.append)
+    play(cut, characters(frame_of(write(COMMAND, 10_120))))
+    assert cut.state is Cut.STORED

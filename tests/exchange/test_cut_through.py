@@ -1,0 +1,316 @@
+"""Frames that leave while they still arrive: bytes in with their instants, bytes out with theirs, by hand.
+
+A character takes 1 000 ns on either side. The write of one position begins with its first character at 1 000
+and leaves 4 000 later: 3 for the lead of the arithmetic (4 characters after its first bit) and one of margin.
+"""
+
+import pytest
+
+from gateway.exchange.cut_through import CUT_AFTER, Cut, CutThrough, Turn, closed, is_fit_head
+from gateway.exchange.leads import write_shape
+from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
+from gateway.modbus.rtu_arrival import Known
+from tests.exchange.cut_bench import (
+    ACKNOWLEDGEMENT,
+    HEAD,
+    LAST,
+    READ,
+    READ_REPLY,
+    RENDERED,
+    SENT,
+    WRITE,
+    acknowledgement,
+    characters,
+    play,
+    read,
+    read_reply,
+    write,
+)
+
+OUT = [(5000, "01 10 6f 00 00"), (6000, "02"), (7000, "04")]
+"""The head of the write, as it leaves."""
+DATA = [(11000, "55 55 00 0b")]
+CRC = [(13000, "5a 46")]
+SPOILT_CRC = "a5 b9"
+"""Both bytes of 5A 46 with all bits inverted."""
+
+
+def test_a_write_leaves_four_characters_behind_itself() -> None:
+    cut, judge, turns = write()
+    assert play(cut, characters(WRITE)) == OUT + DATA + CRC
+    assert cut.left == SENT
+    assert turns == [Turn.OPENED, Turn.FITTED, Turn.JUDGED, Turn.COMMITTED]
+    assert judge.committed == [(WRITE[:-2], SENT[:-2])]
+    # Its last character is off the wire at 5 000 + 13 000; it came in until 13 000.
+    assert cut.empty_ns == 18000
+
+
+def test_a_read_leaves_as_it_comes_and_its_check_sum_when_it_was_good() -> None:
+    cut, judge, _ = read()
+    assert play(cut, characters(READ)) == [
+        (3000, "01 03 02"),
+        (4000, "00"),
+        (5000, "00"),
+        (6000, "03"),
+        (8000, READ[-2:].hex(" ")),
+    ]
+    assert judge.committed == [(READ[:-2], READ[:-2])]
+
+
+def test_the_positions_of_a_reply_are_turned_back_when_they_are_whole() -> None:
+    cut, _, turns = read_reply(counts=-3)
+    assert (
+        play(cut, characters(READ_REPLY))
+        == [
+            (5000, "01 03 06"),
+            (7000, "00 00 0f fd"),  # 0x1000 − 3
+            (8000, "00"),
+            (9000, "07"),
+            (11000, append_crc(bytes.fromhex("01 03 06 00 00 0F FD 00 07"))[-2:].hex(" ")),
+        ]
+    )
+    assert turns == [Turn.OPENED, Turn.FITTED, Turn.JUDGED, Turn.COMMITTED]
+
+
+def test_an_acknowledgement_is_two_characters_behind_itself() -> None:
+    cut, _, _ = acknowledgement()
+    left = play(cut, characters(ACKNOWLEDGEMENT))
+    assert [when for when, _ in left] == [3000, 4000, 5000, 6000, 8000]
+    assert cut.left == ACKNOWLEDGEMENT
+
+
+def test_a_frame_that_comes_whole_before_its_lead_is_over_is_stored() -> None:
+    cut, judge, turns = write()
+    assert play(cut, [(1000, WRITE[:9]), (4000, WRITE[9:])], 20000) == []
+    assert (cut.state, turns, judge.committed) == (Cut.STORED, [Turn.KEPT], [])
+    assert cut.arrival.known is Known.GOOD
+
+
+def test_lumps_leave_as_far_as_they_may_when_the_lead_is_over() -> None:
+    cut, _, _ = write(stall_ns=4000)
+    assert play(cut, [(1000, WRITE[:4]), (4500, WRITE[4:9]), (8000, WRITE[9:])]) == [
+        (5000, HEAD.hex(" ")),
+        (8000, (RENDERED + SENT[-2:]).hex(" ")),
+    ]
+    assert cut.state is Cut.WHOLE
+
+
+def test_no_byte_of_data_leaves_before_the_position_is_whole_and_words_behind_it_as_they_come() -> None:
+    shape = write_shape(4, 1, 2)
+    head = bytes.fromhex("01 10 6F 00 00 04 08")
+    frame = append_crc(head + bytes.fromhex("11 11 00 00 00 20 22 22"))
+    cut, _, _ = write(shape=shape, expected=frame[:-2], lead_ns=6000)
+    assert play(cut, characters(frame)) == [
+        (7000, head.hex(" ")),
+        (13000, "11 11 00 00 00 23"),
+        (14000, "22"),
+        (15000, "22"),
+        (17000, append_crc(head + bytes.fromhex("11 11 00 00 00 23 22 22"))[-2:].hex(" ")),
+    ]
+
+
+# --- every way in which a frame ends otherwise ----------------------------------------------------------
+
+
+def test_w3_a_bad_check_sum_at_the_end_is_passed_on_as_one_that_is_bad_in_both_bytes() -> None:
+    cut, judge, turns = write()
+    damaged = WRITE[:-1] + bytes((WRITE[-1] ^ 0x10,))
+    assert play(cut, characters(damaged)) == [*OUT, *DATA, (13000, SPOILT_CRC)]
+    assert (cut.state, turns[-1], judge.committed) == (Cut.SPOILT, Turn.BAD, [])
+
+
+def test_silence_in_the_middle_fills_it_up_with_what_the_drive_holds() -> None:
+    cut, _, turns = write()
+    # Nine characters, then nothing: 1.5 characters after the ninth.
+    assert play(cut, characters(WRITE[:9]), 40000) == [*OUT, (10500, (LAST[7:] + filled_crc(LAST)).hex(" "))]
+    assert (cut.state, turns[-1]) == (Cut.SPOILT, Turn.STALLED)
+    assert cut.left[:-2] == LAST
+
+
+def filled_crc(body: bytes) -> bytes:
+    residue = residue_after(body) ^ 0xFFFF
+    return bytes((residue & 0xFF, residue >> 8))
+
+
+def test_a_transmitter_that_would_be_empty_is_filled_before_it_is() -> None:
+    # The lead of a port that lied: seven characters of the head have left by 5 000 and last until 12 000.
+    cut, _, turns = write(stall_ns=60000)
+    assert play(cut, [(1000, WRITE[:7])], 40000) == [
+        (5000, HEAD.hex(" ")),
+        (11500, (LAST[7:] + filled_crc(LAST)).hex(" ")),
+    ]
+    assert turns[-1] is Turn.STALLED
+
+
+def test_bytes_that_come_too_late_do_not_mend_a_frame_that_was_due_to_be_filled() -> None:
+    cut, _, _ = write()
+    play(cut, characters(WRITE[:9]))
+    # Nobody called at 10 500: the rest comes first.
+    assert cut.feed(WRITE[9:], 10600) == LAST[7:] + filled_crc(LAST)
+    assert (cut.state, cut.arrival.known) == (Cut.SPOILT, Known.GOOD)  # and may go the usual way
+
+
+def test_what_is_refused_ends_before_any_of_its_data_has_left() -> None:
+    position = b"\x7f\xff\xff\xff"
+    cut, _, turns = write(refused=frozenset({position}))
+    assert play(cut, characters(append_crc(HEAD + position))) == [
+        *OUT,
+        (11000, (LAST[7:] + filled_crc(LAST)).hex(" ")),
+    ]
+    assert turns == [Turn.OPENED, Turn.FITTED, Turn.REFUSED]
+
+
+def test_a_head_that_goes_on_otherwise_than_expected_is_filled_up_as_expected() -> None:
+    cut, _, turns = write()
+    other = append_crc(bytes.fromhex("01 10 6F 00 00 03 06 55 55 00 08 00 00"))
+    # The length is known with the seventh byte; the sixth has left as it came.
+    body = bytes.fromhex("01 10 6F 00 00 03") + LAST[6:]
+    assert play(cut, characters(other)) == [
+        (5000, "01 10 6f 00 00"),
+        (6000, "03"),
+        (7000, (LAST[6:] + filled_crc(body)).hex(" ")),
+    ]
+    assert turns == [Turn.OPENED, Turn.UNFIT]
+    assert cut.arrival.known is Known.GOOD
+
+
+def test_a_stop_spoils_what_is_leaving_at_once() -> None:
+    cut, _, turns = write()
+    play(cut, characters(WRITE[:6]))
+    assert cut.end(Turn.OVERTAKEN, 6400) == LAST[6:] + filled_crc(LAST)
+    assert (cut.state, turns[-1]) == (Cut.SPOILT, Turn.OVERTAKEN)
+    assert cut.feed(WRITE[6:], 13000) == b""
+    assert cut.arrival.known is Known.GOOD
+
+
+def test_a_request_with_another_one_behind_it_in_the_same_read_is_given_up() -> None:
+    cut, judge, turns = write()
+    play(cut, characters(WRITE[:12]))
+    assert cut.feed(WRITE[12:] + READ, 13000).hex(" ") == SPOILT_CRC
+    assert (turns[-1], judge.committed) == (Turn.ANEW, [])
+
+
+def test_what_has_changed_since_it_was_judged_gets_no_check_sum() -> None:
+    cut, _, turns = write(agrees=False)
+    assert play(cut, characters(WRITE)) == [*OUT, *DATA, (13000, SPOILT_CRC)]
+    assert turns[-1] is Turn.CHANGED
+
+
+def test_a_lost_wire_breaks_it_off_and_nothing_more_leaves() -> None:
+    cut, _, _ = write()
+    play(cut, characters(WRITE[:6]))
+    assert cut.end(Turn.LOST, 6400) == b""
+    assert cut.state is Cut.BROKEN
+    assert play(cut, [(7000, WRITE[6:])], 90000) == []
+
+
+@pytest.mark.parametrize(
+    ("reply", "left"),
+    [
+        ("01 83 02 C0 F1", ""),  # an exception: nothing has left by then
+        ("01 03 08 00 00", ""),  # another number of bytes than were asked for
+    ],
+)
+def test_w4_replies_that_are_not_what_was_asked_for_are_stored(reply: str, left: str) -> None:
+    cut, _, _ = read_reply(lead_ns=0)
+    assert play(cut, characters(bytes.fromhex(reply))) == []
+    assert (cut.state, cut.left.hex(" ")) == (Cut.STORED, left)
+
+
+# --- seams ------------------------------------------------------------------------------------------------
+
+
+def test_the_last_byte_of_a_piece_that_is_a_frame_by_itself_waits_for_the_one_behind_it() -> None:
+    # A position whose low word is the check sum of what stands before it: with its last byte the frame so far
+    # is intact, so that this byte waits for the check sum behind it.
+    words = bytes.fromhex("12 34")
+    position = words + residue_after(HEAD + words).to_bytes(2, "little")
+    assert is_intact(HEAD + position)
+    cut, _, _ = write(counts=0)
+    frame = append_crc(HEAD + position)
+    left = play(cut, characters(frame))
+    assert left == [*OUT, (11000, position[:3].hex(" ")), (13000, (position[3:] + frame[-2:]).hex(" "))]
+    spoilt, _, _ = write(counts=0)
+    damaged = frame[:-1] + bytes((frame[-1] ^ 1,))
+    play(spoilt, characters(damaged))
+    # In the place of the byte that waited stands that of the last one: 05.
+    assert spoilt.left[:-2] == HEAD + position[:3] + b"\x05"
+    assert residue_after(spoilt.left) == INVERTED
+
+
+def test_heads_that_would_have_to_wait_are_stored() -> None:
+    assert is_fit_head(HEAD)
+    # 01EC: of unit id 1 the first four bytes are a frame. 56F9: they are a seam.
+    for address in ("01 EC", "56 F9", "32 FB", "CA 98", "51 20", "FF 6B", "14 D4"):
+        assert not is_fit_head(bytes.fromhex(f"01 10 {address} 00 02 04"))
+
+
+def test_the_filling_never_ends_a_frame() -> None:
+    # With the check sum of the head as filler it would be intact in its middle: the second byte is changed.
+    filler = residue_after(HEAD).to_bytes(2, "little") + b"\x00\x00"
+    filling = closed(HEAD, filler)
+    assert filling[:1] == filler[:1]
+    assert filling[1] == filler[1] ^ 1
+    assert residue_after(HEAD + filling) == INVERTED
+
+
+# --- the table ----------------------------------------------------------------------------------------------
+
+SPOIL = "unfit refused changed bad stalled overtaken anew met gone"
+TABLE = {
+    Cut.BEGUN: {"stored": SPOIL + " kept lost", "led": "opened"},
+    Cut.LED: {"spoilt": SPOIL, "leaving": "fitted", "broken": "lost"},
+    Cut.LEAVING: {"spoilt": SPOIL, "leaving": "judged", "whole": "committed", "broken": "lost"},
+    Cut.STORED: {},
+    Cut.WHOLE: {},
+    Cut.SPOILT: {},
+    Cut.BROKEN: {},
+}
+"""State → where to → by what."""
+
+
+def test_the_table_is_the_one_that_was_meant() -> None:
+    meant = {
+        state: {Turn(turn): Cut(after) for after, turns in rows.items() for turn in turns.split()}
+        for state, rows in TABLE.items()
+    }
+    assert {state: dict(rows) for state, rows in CUT_AFTER.items()} == meant
+
+
+def in_state(state: Cut) -> CutThrough:
+    """Return a write that has come so far."""
+    cut, _, _ = write()
+    bytes_of = {Cut.BEGUN: 4, Cut.LED: 6, Cut.LEAVING: 8, Cut.WHOLE: 13}
+    play(cut, characters(WRITE[: bytes_of.get(state, 6)]))
+    if state is Cut.STORED:
+        cut, _, _ = write()
+        cut.end(Turn.GONE, 0)
+    elif state is Cut.SPOILT:
+        cut.end(Turn.GONE, 6000)
+    elif state is Cut.BROKEN:
+        cut.end(Turn.LOST, 6000)
+    assert cut.state is state
+    return cut
+
+
+ENDS = [each for each in Turn if each.value in SPOIL.split()]
+
+
+@pytest.mark.parametrize("why", [*ENDS, Turn.LOST])
+@pytest.mark.parametrize("state", list(Cut))
+def test_each_end_in_each_state(state: Cut, why: Turn) -> None:
+    cut = in_state(state)
+    before = cut.left
+    filling = cut.end(why, 8100)
+    if state in (Cut.BEGUN, *[each for each in Cut if not CUT_AFTER[each]]):
+        assert (filling, cut.left) == (b"", before)
+        assert cut.state is (Cut.STORED if state is Cut.BEGUN else state)
+    elif why is Turn.LOST:
+        assert (filling, cut.left, cut.state) == (b"", before, Cut.BROKEN)
+    else:
+        assert cut.left == before + filling
+        assert (len(cut.left), residue_after(cut.left), cut.state) == (13, INVERTED, Cut.SPOILT)
+    assert cut.is_over
+    assert cut.deadline_ns is None
+    # Whatever comes from now on, nothing more leaves.
+    assert play(cut, [(9000, WRITE), (20000, WRITE)], 90000) == []

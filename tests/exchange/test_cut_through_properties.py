@@ -1,0 +1,243 @@
+"""What holds for every frame that is cut through: lumps, damage, ends in the middle, and what follows it."""
+
+from dataclasses import dataclass
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.exchange.cut_through import Cut, CutThrough, Turn, closed, is_fit_head
+from gateway.exchange.leads import write_shape
+from gateway.modbus.crc import INVERTED, append_crc, ends_a_frame, is_intact, residue_after
+from gateway.modbus.rtu_arrival import Known, RequestArrival
+from tests.exchange.cut_bench import CHAR_NS, PACE, Adds
+from tests.soak import repeated
+
+ENDS = (Turn.OVERTAKEN, Turn.GONE, Turn.ANEW, Turn.LOST)
+words = st.integers(0, 2**32 - 1)
+good_frames = st.binary(min_size=2, max_size=60).map(append_crc)
+
+
+@dataclass(frozen=True)
+class Course:
+    """A write, how it comes, and what happens meanwhile."""
+
+    head: bytes
+    data: bytes
+    before: bytes
+    """Data of the last one that was acknowledged, as it left."""
+    word: int
+    """At which register its position begins."""
+    gaps: tuple[int, ...]
+    """Time before each of its bytes; with 0 it comes together with the one before."""
+    flipped: int
+    """A bit of it, counted from its first; beyond its end: none."""
+    cut_to: int
+    """After so many bytes nothing more comes."""
+    ends: Turn | None
+    ends_after: int
+    """Somebody ends it after so many bytes."""
+    lead_ns: int
+    agrees: bool
+    refused: bool
+
+    @property
+    def frame(self) -> bytes:
+        """It, as its controller sent it."""
+        return append_crc(self.head + self.data)
+
+    @property
+    def came(self) -> bytes:
+        """It, as it came."""
+        came = bytearray(self.frame)
+        if self.flipped < 8 * len(came):
+            came[self.flipped // 8] ^= 1 << self.flipped % 8
+        return bytes(came[: self.cut_to])
+
+
+@st.composite
+def courses(draw: st.DrawFn) -> Course:
+    count = draw(st.integers(2, 6))
+    word = draw(st.integers(0, count - 2))
+    address = draw(st.integers(0, 0xFFFF)).to_bytes(2, "big")
+    head = bytes((draw(st.integers(1, 247)), 16)) + address + bytes((0, count, 2 * count))
+    length = 9 + 2 * count
+    is_smooth = draw(st.booleans())
+    gap = st.sampled_from((0, 0, 300, CHAR_NS, CHAR_NS, 1400, 5000))
+    smooth, uneven = st.just([CHAR_NS] * length), st.lists(gap, min_size=length, max_size=length)
+    # Of a write whose characters come evenly this is what the arithmetic says, and one of margin.
+    enough = st.just((4 + 2 * word) * CHAR_NS)
+    return Course(
+        head=head,
+        data=draw(st.binary(min_size=2 * count, max_size=2 * count)),
+        before=draw(st.binary(min_size=2 * count, max_size=2 * count)),
+        word=word,
+        gaps=tuple(draw(smooth if is_smooth else uneven)),
+        flipped=draw(st.one_of(st.just(1 << 20), st.just(1 << 20), st.integers(0, 8 * length))),
+        cut_to=draw(st.one_of(st.just(length), st.just(length), st.integers(1, length))),
+        ends=draw(st.sampled_from((None, None, None, *ENDS))),
+        ends_after=draw(st.integers(0, length)),
+        lead_ns=draw(st.one_of(enough, enough, st.integers(0, 16).map(lambda half: half * CHAR_NS // 2))),
+        agrees=draw(st.integers(0, 9)) > 0,
+        refused=draw(st.integers(0, 9)) == 0,
+    )
+
+
+@dataclass
+class Left:
+    """What became of it."""
+
+    cut: CutThrough
+    judge: Adds
+    pieces: list[tuple[int, bytes]]
+    rendered: bytes
+    """What it would have left as, where nothing had happened."""
+
+
+def run(course: Course) -> Left:
+    """Let a course take place, with timers that are on time."""
+    position = 7 + 2 * course.word
+    judge = Adds(
+        shape=write_shape(len(course.data) // 2, course.word, 2),
+        expected=course.head + course.before,
+        lead_ns=course.lead_ns,
+        refused=frozenset({course.frame[position : position + 4]} if course.refused else ()),
+        agrees=course.agrees,
+    )
+    cut = CutThrough(RequestArrival(), judge, PACE)
+    pieces: list[tuple[int, bytes]] = []
+
+    def tick_until(now_ns: int) -> None:
+        while (deadline_ns := cut.deadline_ns) is not None and deadline_ns < now_ns:
+            pieces.append((deadline_ns, cut.tick(deadline_ns)))
+
+    now_ns, at = 1_000, 0
+    came = course.came
+    while at < len(came):
+        together = 1
+        while at + together < len(came) and course.gaps[at + together] == 0:
+            together += 1
+        now_ns += course.gaps[at]
+        tick_until(now_ns)
+        pieces.append((now_ns, cut.feed(came[at : at + together], now_ns)))
+        at += together
+        if course.ends is not None and at >= course.ends_after:
+            pieces.append((now_ns, cut.end(course.ends, now_ns)))
+    tick_until(now_ns + 100 * CHAR_NS)
+    raw = int.from_bytes(course.frame[position : position + 4], "big") + judge.counts
+    body = course.frame[:position] + (raw % 2**32).to_bytes(4, "big") + course.frame[position + 4 : -2]
+    return Left(cut, judge, [each for each in pieces if each[1]], append_crc(body))
+
+
+@given(course=courses())
+def test_w3_a_check_sum_is_good_only_where_all_of_it_came_good_and_left_as_it_was_agreed(
+    course: Course,
+) -> None:
+    left = run(course)
+    cut = left.cut
+    assert b"".join(data for _, data in left.pieces) == cut.left
+    if cut.state is Cut.WHOLE:
+        assert cut.left == left.rendered
+        assert cut.arrival.known is Known.GOOD
+        assert course.came == course.frame
+        assert left.judge.committed == [(course.frame[:-2], cut.left[:-2])]
+    else:
+        assert not is_intact(cut.left) or cut.state is Cut.STORED
+        assert left.judge.committed == [] or not course.agrees
+
+
+def a_spoilt_frame_is_as_long_as_it_said_and_no_frame_alone_or_with_others(
+    course: Course, left: Left, following: list[bytes]
+) -> None:
+    if left.cut.state is not Cut.SPOILT:
+        return
+    spoilt = left.cut.left
+    assert len(spoilt) == len(course.frame)
+    assert residue_after(spoilt) == INVERTED
+    assert not is_intact(following[0] + spoilt)
+    joined = spoilt
+    for frame in following:
+        joined += frame
+        assert not is_intact(joined)
+    # Its last piece may come alone, where the one before it came too late: two bytes are no frame.
+    filling = left.pieces[-1][1]
+    assert len(filling) == 2 or not ends_a_frame(residue_after(filling))
+
+
+def no_piece_ends_where_a_frame_could(course: Course, left: Left) -> None:
+    so_far = b""
+    for _, data in left.pieces:
+        so_far += data
+        if so_far == left.rendered:
+            break
+        assert not ends_a_frame(residue_after(so_far))
+        # What would be torn off there is no frame by itself.
+        assert not is_intact(left.rendered[len(so_far) :])
+
+
+def no_data_leaves_before_its_position_is_judged(course: Course, left: Left) -> None:
+    position_ends = 7 + 2 * course.word + 4
+    at = 0
+    for number, (when_ns, data) in enumerate(left.pieces):
+        is_filling = left.cut.state is Cut.SPOILT and number == len(left.pieces) - 1
+        if not is_filling:
+            came = max(each.so_far for each in left.cut.pieces if each.came_ns <= when_ns)
+            for index in range(at, at + len(data)):
+                assert came >= (index + 1 if index < 7 else max(index + 1, position_ends))
+                if course.came[:came] == course.frame[:came]:
+                    assert data[index - at] == left.rendered[index]
+        at += len(data)
+    if course.refused:
+        assert left.cut.state is not Cut.WHOLE
+
+
+def the_transmitter_is_never_empty_inside_a_frame(course: Course, left: Left) -> None:
+    free_ns = None
+    for when_ns, data in left.pieces:
+        assert free_ns is None or when_ns <= free_ns
+        free_ns = (when_ns if free_ns is None else free_ns) + CHAR_NS * len(data)
+    # And where it began it ended: whole, filled up, or with its wire.
+    assert not left.cut.is_on_the_way
+    assert left.cut.left == b"" or left.cut.state in (Cut.WHOLE, Cut.SPOILT, Cut.BROKEN)
+
+
+def a_stored_frame_leaves_nothing_and_is_followed_to_its_end(course: Course, left: Left) -> None:
+    cut = left.cut
+    if cut.state in (Cut.BEGUN, Cut.STORED):
+        assert cut.left == b""
+    if course.came == course.frame:
+        assert cut.arrival.known is Known.GOOD
+
+
+@settings(max_examples=repeated(3000))
+@given(course=courses(), following=st.lists(good_frames, min_size=1, max_size=3))
+def test_what_holds_for_every_course(course: Course, following: list[bytes]) -> None:
+    left = run(course)
+    no_piece_ends_where_a_frame_could(course, left)
+    no_data_leaves_before_its_position_is_judged(course, left)
+    the_transmitter_is_never_empty_inside_a_frame(course, left)
+    a_stored_frame_leaves_nothing_and_is_followed_to_its_end(course, left)
+    a_spoilt_frame_is_as_long_as_it_said_and_no_frame_alone_or_with_others(course, left, following)
+
+
+@given(
+    left=st.binary(min_size=1, max_size=30).filter(lambda each: not ends_a_frame(residue_after(each))),
+    filler=st.binary(max_size=30),
+    data=st.data(),
+)
+def test_no_prefix_of_a_filling_ends_a_frame(left: bytes, filler: bytes, data: st.DataObject) -> None:
+    if filler and data.draw(st.booleans()):  # one that would
+        filler = residue_after(left).to_bytes(2, "little") + filler
+    filling = closed(left, filler)
+    assert len(filling) == len(filler) + 2
+    for length in range(1, len(filling) + 1):
+        assert not ends_a_frame(residue_after(left + filling[:length]))
+        if 4 <= length < len(filling):
+            assert not ends_a_frame(residue_after(filling[:length]))
+    assert not filler or not ends_a_frame(residue_after(filling))
+    assert sum(a != b for a, b in zip(filling, filler, strict=False)) <= 8
+
+
+def test_a_head_that_is_fit_can_stand_still_behind_each_of_its_bytes() -> None:
+    for address in range(0, 0x10000, 97):
+        head = b"\x01\x10" + address.to_bytes(2, "big") + b"\x00\x02\x04"
+        assert is_fit_head(head) == (not any(ends_a_frame(residue_after(head[:to])) for to in range(1, 8)))

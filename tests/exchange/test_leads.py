@@ -1,0 +1,274 @@
+"""How late the first byte of a frame leaves that is cut through: in characters, and as it is measured."""
+
+from itertools import accumulate
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.exchange.leads import (
+    LEARNED_AFTER,
+    REMEMBERED,
+    MeasuredLead,
+    Piece,
+    Shape,
+    acknowledgement_shape,
+    lead_ns,
+    needed_ns,
+    read_shape,
+    reply_shape,
+    stored_ns,
+    write_shape,
+)
+
+WRITE = write_shape(2, 0, 2)
+ACKNOWLEDGEMENT = acknowledgement_shape()
+READ = read_shape()
+POSITION = reply_shape(2, [(0, 2)])
+POSITION_AND_STATUS = reply_shape(3, [(0, 2)])
+STATUS = reply_shape(1)
+
+CHAR_9600 = 11 * 1_000_000_000 // 9600
+CHAR_38400 = 11 * 1_000_000_000 // 38400
+MS = 1_000_000
+
+
+def test_shapes_are_as_long_as_their_frames() -> None:
+    assert (WRITE.length, ACKNOWLEDGEMENT.length, READ.length) == (13, 8, 8)
+    assert (POSITION.length, POSITION_AND_STATUS.length, STATUS.length) == (9, 11, 7)
+
+
+def test_what_waits_for_what_in_a_block_with_a_position_in_its_middle() -> None:
+    # 01 10 addr addr count count bytes | w0 w0 | pp pp pp pp | w3 w3 | crc crc: no data before the position.
+    shape = write_shape(4, 1, 2)
+    assert [shape.needs(index) for index in range(17)] == [4, 4, 4, 4, 5, 6, 7, *[13] * 6, 14, 15, 17, 17]
+
+
+def test_what_waits_for_what_in_a_reply_with_two_positions() -> None:
+    # 01 03 bytes | ss ss | pp pp pp pp | pp pp pp pp | crc crc
+    shape = reply_shape(5, [(1, 2), (3, 2)])
+    assert [shape.needs(index) for index in range(15)] == [3, 3, 3, 4, 5, *[9] * 4, *[13] * 4, 15, 15]
+
+
+@pytest.mark.parametrize(
+    ("shape", "characters"),
+    [
+        (WRITE, 4),  # byte 7 leaves when 11 have come
+        (write_shape(4, 1, 2), 6),  # byte 7 when 13 have
+        (ACKNOWLEDGEMENT, 2),  # the check sum: byte 6 when 8 have
+        (READ, 2),
+        (POSITION, 4),  # byte 3 when 7 have
+        (reply_shape(3, [(1, 2)]), 4),  # byte 5 when 9 have
+        (reply_shape(2, [(0, 1)]), 3),  # nothing before the byte count
+        (STATUS, 3),
+    ],
+)
+def test_leads_in_characters_where_both_sides_are_equal(shape: Shape, characters: int) -> None:
+    assert lead_ns(shape, CHAR_9600, CHAR_9600) == characters * CHAR_9600
+
+
+def test_the_share_of_a_round_trip_that_is_added() -> None:
+    # 6 of 21 characters for a write, 6 of 17 for a read of a position, 6 of 19 with its status beside it.
+    for request, reply, whole in (
+        (WRITE, ACKNOWLEDGEMENT, 21),
+        (READ, POSITION, 17),
+        (READ, POSITION_AND_STATUS, 19),
+    ):
+        added_ns = lead_ns(request, CHAR_9600, CHAR_9600) + lead_ns(reply, CHAR_9600, CHAR_9600)
+        direct_ns = (request.length + reply.length) * CHAR_9600
+        assert added_ns * whole == 6 * direct_ns
+        assert stored_ns(request, CHAR_9600) + stored_ns(reply, CHAR_9600) == direct_ns
+    assert round(6 / 21, 2) == 0.29
+
+
+@pytest.mark.parametrize(
+    ("in_characters", "out_characters", "lead"),
+    [
+        # in units of the faster wire's character; the write needs [4, 4, 4, 4, 5, 6, 7, 11 …, 13, 13]
+        (1, 2, 4),  # a slow wire behind a fast one: the head is all that is waited for
+        (2, 1, 15),  # the other way: 11 × 2 − 7 = 15, and 13 × 2 − 11 = 15, of 26 that storing takes
+        (12, 1, 145),  # 9 600 behind 115 200: 13 × 12 − 11, of 156
+    ],
+)
+def test_leads_where_baud_rates_differ(in_characters: int, out_characters: int, lead: int) -> None:
+    assert lead_ns(WRITE, in_characters, out_characters) == lead
+    assert lead < stored_ns(WRITE, in_characters)
+
+
+def block_shape(before: int, behind: int) -> Shape:
+    """A write of one position between other registers."""
+    return write_shape(before + 2 + behind, before, 2)
+
+
+def mixed_shape(has_position: list[bool]) -> Shape:
+    """A reply with a position or one other register each."""
+    sizes = [1 + has for has in has_position]
+    firsts = accumulate(sizes[:-1], initial=0)
+    return reply_shape(
+        sum(sizes), [(first, 2) for first, size in zip(firsts, sizes, strict=True) if size == 2]
+    )
+
+
+shapes = st.one_of(
+    st.just(READ),
+    st.builds(block_shape, st.integers(0, 9), st.integers(0, 9)),
+    st.lists(st.booleans(), min_size=1, max_size=9).map(mixed_shape),
+)
+
+
+@given(shape=shapes, in_ns=st.integers(1, 100), out_ns=st.integers(1, 100))
+def test_cut_through_never_begins_later_than_a_gateway_that_stores(
+    shape: Shape, in_ns: int, out_ns: int
+) -> None:
+    assert lead_ns(shape, in_ns, out_ns) <= stored_ns(shape, in_ns)
+
+
+@given(shape=shapes)
+def test_what_may_leave_is_what_its_bytes_need(shape: Shape) -> None:
+    needs = [shape.needs(index) for index in range(shape.length)]
+    assert needs == sorted(needs)
+    assert needs[-2:] == [shape.length] * 2
+    for come in range(shape.length + 1):
+        assert shape.leaves(come) == sum(need <= come for need in needs[:-2])
+
+
+def pieces_of(lumps: list[tuple[int, int]]) -> list[Piece]:
+    """From the time since the piece before and the bytes of each."""
+    times = accumulate(wait for wait, _ in lumps)
+    counts = accumulate(count for _, count in lumps)
+    return [Piece(came, count) for came, count in zip(times, counts, strict=True)]
+
+
+@given(data=st.data(), shape=shapes, out_ns=st.integers(1, 50))
+def test_a_frame_that_begins_as_late_as_needed_never_runs_empty_and_one_sooner_does(
+    data: st.DataObject, shape: Shape, out_ns: int
+) -> None:
+    cuts = sorted({*data.draw(st.lists(st.integers(1, shape.length - 1), max_size=6)), shape.length})
+    counts = [b - a for a, b in zip([0, *cuts], cuts, strict=False)]
+    lumps = [(data.draw(st.integers(0, 200)), count) for count in counts]
+    pieces = pieces_of(lumps)
+    lead = needed_ns(shape, pieces, out_ns)
+
+    def slack(begins_ns: int) -> int:
+        """How long before a byte's turn on the wire it is there, the least of all."""
+        return min(
+            begins_ns
+            + index * out_ns
+            - next(each.came_ns for each in pieces if each.so_far >= shape.needs(index))
+            for index in range(shape.length)
+        )
+
+    begun_ns = pieces[0].came_ns
+    assert slack(begun_ns + lead) >= 0
+    assert lead == 0 or slack(begun_ns + lead - 1) < 0
+
+
+def test_an_adapter_that_hands_over_each_millisecond_at_38400() -> None:
+    # A lump leaves 1 ms after its first byte came, and holds 4 characters of 286 µs. The position
+    # is whole with the third lump, 8 characters after the first one, and its turn on the wire is 7 characters
+    # after the frame began: 1. The check sum comes to the same: 12 − 11.
+    pieces = [Piece(first * CHAR_38400 + MS, count) for first, count in ((1, 4), (5, 8), (9, 12), (13, 13))]
+    assert needed_ns(WRITE, pieces, CHAR_38400) == CHAR_38400
+
+
+def steady(count: int, char_ns: int = 1000, late_ns: int = 0) -> list[Piece]:
+    return [Piece(index * char_ns + (late_ns if index == 10 else 0), index + 1) for index in range(count)]
+
+
+def test_nothing_is_known_of_a_port_before_enough_frames_have_come() -> None:
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(LEARNED_AFTER - 1):
+        lead.note(steady(13))
+        assert lead.lead_ns is None
+    lead.note(steady(13))
+    # Byte by byte the first piece is the first character: 4 − 1 = 3 after it, and one character of margin.
+    assert lead.lead_ns == 4000
+
+
+def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_after_a_while() -> None:
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(LEARNED_AFTER):
+        lead.note(steady(13))
+    lead.note(steady(13, late_ns=900))
+    assert lead.lead_ns == 3000 + 900 + 450 + 1000
+    for _ in range(REMEMBERED - 1):
+        lead.note(steady(13))
+    assert lead.lead_ns == 5350
+    lead.note(steady(13))
+    assert lead.lead_ns == 4000
+
+
+def test_a_port_that_hands_frames_over_whole_stores() -> None:
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(2 * LEARNED_AFTER):
+        lead.note([Piece(0, 13)])
+    assert lead.lead_ns is None
+
+
+def test_a_frame_that_gains_nothing_says_when_it_could_begin_and_when_it_is_whole() -> None:
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(LEARNED_AFTER - 1):
+        lead.note([Piece(0, 13)])
+        assert lead.no_gain is None
+    lead.note([Piece(0, 13)])
+    assert lead.no_gain == (1000, 0)  # with its first piece it is whole, and the margin is waited for
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(LEARNED_AFTER):
+        lead.note(steady(13))
+    assert lead.no_gain is None
+
+
+def test_lumps_are_no_hindrance_where_the_wire_behind_them_is_busy_meanwhile() -> None:
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(LEARNED_AFTER):
+        lead.note([Piece(0, 9), Piece(5000, 13)])
+    # Seven bytes of the head leave at once, for 7 characters; after 5 the rest is there.
+    assert lead.lead_ns == 1000
+
+
+def test_a_port_whose_needs_leave_no_gain_stores_and_cuts_through_again_when_they_have_passed() -> None:
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(LEARNED_AFTER):
+        lead.note(steady(13))
+    late = [Piece(each.came_ns + (5000 if each.so_far > 10 else 0), each.so_far) for each in steady(13)]
+    lead.note(late)
+    assert lead.lead_ns is None  # 3 + 5 + 2.5 + 1 characters, and the others were whole after 12
+    for _ in range(REMEMBERED):
+        lead.note(steady(13))
+    assert lead.lead_ns == 4000
+
+
+@pytest.mark.parametrize(
+    ("baudrate", "lump_ns", "asked", "answered", "at_most"),
+    [
+        (9600, 0, WRITE, ACKNOWLEDGEMENT, 0.40),
+        (9600, 0, READ, POSITION, 0.40),
+        (19200, 0, WRITE, ACKNOWLEDGEMENT, 0.40),
+        (19200, 0, READ, POSITION_AND_STATUS, 0.40),
+        (38400, MS, WRITE, ACKNOWLEDGEMENT, 0.60),
+        (38400, MS, READ, POSITION_AND_STATUS, 0.60),
+    ],
+)
+def test_what_is_added_with_the_margin_of_a_measured_port(
+    baudrate: int, lump_ns: int, asked: Shape, answered: Shape, at_most: float
+) -> None:
+    char_ns = 11 * 1_000_000_000 // baudrate
+    added_ns = sum(measured_ns(shape, char_ns, lump_ns) for shape in (asked, answered))
+    assert added_ns / ((asked.length + answered.length) * char_ns) <= at_most
+
+
+def measured_ns(shape: Shape, char_ns: int, lump_ns: int) -> int:
+    """What a frame adds on its way: it ends so much later behind the gateway than in front of it."""
+    pieces: list[Piece] = []
+    begun_ns = 0
+    for number in range(1, shape.length + 1):
+        came_ns = number * char_ns
+        if not pieces or came_ns > pieces[-1].came_ns:
+            begun_ns = came_ns
+            pieces.append(Piece(begun_ns + lump_ns, number))
+        pieces[-1] = Piece(pieces[-1].came_ns, number)
+    lead = MeasuredLead(shape, char_ns, char_ns)
+    for _ in range(LEARNED_AFTER):
+        lead.note(pieces)
+    assert lead.lead_ns is not None
+    return pieces[0].came_ns + lead.lead_ns

@@ -1,0 +1,424 @@
+"""Worlds in which a request leaves while it arrives: the real cutters on the real ports, bytes in pieces.
+
+What is abstracted, beside what :mod:`tests.verify.wires_rtu` says: the pieces of a frame come at one instant,
+and the lead of its first byte is 1 ns. So each piece comes before the lead is over or after it, as the world
+has it, and in time unless the world lets the cutter's deadline pass (``stall``). What ports need is not
+learned, and whether it pays is not weighed: both would go on for ever.
+
+A witness on the wire of the drives (:class:`CutPipe`) takes apart what leaves, and knows nothing of cutters.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from gateway.exchange.cut_line import Pauses, RequestCutter
+from gateway.exchange.cut_line import Wire as LineWire
+from gateway.exchange.cut_replies import Replies
+from gateway.exchange.cut_requests import Heads
+from gateway.exchange.events import Event
+from gateway.exchange.leads import MeasuredLead, Piece, Shape, read_shape, write_shape
+from gateway.exchange.line import LineExchange
+from gateway.exchange.ports import ControllerPort
+from gateway.exchange.transaction import Phase
+from gateway.modbus.crc import INTACT, INVERTED, SEAM, residue_after
+from gateway.modbus.rtu import encode_rtu
+from tests.verify.errors import BrokenRuleError
+from tests.verify.snapshot import Lens, on_its_way
+from tests.verify.wires_rtu import CUT, Instant, RtuSide, RtuWorld, WirePipe
+from tests.verify.world import TAKES_TIME, TICK_NS, TIMING, Design, Happening, Wire
+
+CHAR_NS: Final = 200_000
+DRIVES: Final = LineWire(CHAR_NS, 1_750_000)
+CONTROLLER: Final = LineWire(CHAR_NS, 0)
+"""A silence of no length: what begins after a whole frame, at the same instant, begins after a silence."""
+LEAD_NS: Final = 1
+DATA: Final = 11
+"""So many bytes of a write have come when its position is whole; of a read all but its check sum, nearly."""
+BLOCK: Final = 0x10
+QUIET: Final = ("half", "lead", "more", "stall", "noise", "tail_bad")
+"""Events with which no request is whole: they change no axis."""
+CUTS_OFF: Final = ("unplug", "kill", "kill_bare")
+"""After these nothing of a frame follows on what has left."""
+
+
+class SteadyLead(MeasuredLead):
+    """The lead of a port that was measured before, and stays as it is."""
+
+    def __init__(self, shape: Shape) -> None:
+        super().__init__(shape, CHAR_NS, CHAR_NS)
+        self.lead_ns = LEAD_NS
+
+    def note(self, pieces: Sequence[Piece]) -> None:
+        """See ``MeasuredLead``."""
+
+
+class SteadyHeads(Heads):
+    """What requests begin like is learned as ever; how they come and what they gain is known."""
+
+    def __init__(self) -> None:
+        super().__init__(CHAR_NS, CHAR_NS)
+        self._leads.update((shape, SteadyLead(shape)) for shape in (read_shape(), write_shape(2, 0, 2)))
+
+    def came(self, frame: bytes) -> None:
+        """See ``Heads``."""
+
+    def pay(self, frame: bytes, gain_ns: int) -> None:
+        """See ``Heads``."""
+
+    def forget(self) -> None:
+        """Be as those of a port that has just been opened."""
+        self._expected.clear()
+
+
+class SteadyReplies(Replies):
+    """Replies are stored: nobody measures how they come."""
+
+    def measure(self, shape: Shape, pieces: Sequence[Piece]) -> MeasuredLead:
+        """See ``Replies``."""
+        return MeasuredLead(shape, CHAR_NS, CHAR_NS)
+
+    def forget(self) -> None:
+        """Be as those of a port that has just been opened."""
+        self._passed.clear()
+
+
+class SteadyPauses(Pauses):
+    """Pieces are as far apart as a character."""
+
+    def note(self, pieces: Sequence[Piece]) -> None:
+        """See ``Pauses``."""
+
+
+class CutDoor(Instant):
+    """Brings whole frames to the line, and what follows the requests of each port to that port."""
+
+    def __init__(self, line: LineExchange) -> None:
+        super().__init__(line)
+        self._cutters: dict[ControllerPort, RequestCutter] = {}
+
+    def follow(self, port: ControllerPort, wire: LineWire) -> RequestCutter:
+        """See ``Requests``. A port that is opened again gets the one of before, emptied."""
+        cuts = self._line.cuts
+        assert cuts is not None
+        cutter = self._cutters.get(port)
+        if cutter is None:
+            cutter = self._cutters[port] = cuts.follow(port, wire)
+            cutter.heads, cutter.replies = SteadyHeads(), SteadyReplies(CHAR_NS, CHAR_NS)
+            cutter._pauses = SteadyPauses(CHAR_NS)
+        assert isinstance(cutter.heads, SteadyHeads)
+        assert isinstance(cutter.replies, SteadyReplies)
+        cutter.heads.forget()
+        cutter.replies.forget()
+        cutter._cut = None
+        cuts._cutters[port] = cutter
+        return cutter
+
+
+class CutPipe(WirePipe):
+    """The wire of the drives: each frame on it is whole, or is none and has its full length (W3)."""
+
+    def __init__(self, take: Callable[[int, int, bytes], None]) -> None:
+        super().__init__(take)
+        self.leaving = b""
+        """What has left of a frame that is not whole."""
+        self.owes_silence = False
+        """A spoilt frame was the last one."""
+        self.ends: list[str] = []
+        """How frames have ended since the last event of the world began."""
+
+    def write(self, data: bytes) -> None:
+        """See ``Channel``. Raises BrokenRuleError."""
+        if self.owes_silence:
+            raise BrokenRuleError(f"no silence behind a spoilt frame: {data.hex(' ')} (W12)")
+        frame = self.leaving = self.leaving + data
+        residue, length = residue_after(frame), length_of(frame)
+        if len(frame) < length:
+            if residue in (INTACT, SEAM):
+                raise BrokenRuleError(f"what has left may be a frame: {frame.hex(' ')} (W12)")
+            return
+        if len(frame) > length or residue not in (INTACT, INVERTED):
+            raise BrokenRuleError(f"neither a frame nor one that was spoilt: {frame.hex(' ')} (W12)")
+        self.leaving = b""
+        self.owes_silence = residue == INVERTED
+        self.ends.append("spoilt" if self.owes_silence else "whole")
+        if not self.owes_silence:
+            super().write(frame)
+
+    def break_off(self) -> None:
+        """It was lost: what comes later comes after a long silence."""
+        self.leaving = b""
+        self.owes_silence = False
+
+
+def length_of(frame: bytes) -> int:
+    """Return how long a request will be of which some bytes have left, as drives reckon.
+
+    >>> length_of(bytes.fromhex("01 03")), length_of(bytes.fromhex("01 10 06 06 00 02 04"))
+    (8, 13)
+    """
+    if len(frame) < 2 or frame[1] != BLOCK:
+        return 8
+    return 9 + frame[6] if len(frame) > 6 else 9
+
+
+class CutSide(RtuSide):
+    """One gateway between two serial lines that cuts requests through."""
+
+    pipe_kind = CutPipe
+    port_wire = CONTROLLER
+
+    def line_of(self, design: Design, tell: Callable[[Event], None]) -> LineExchange:
+        """See ``RtuSide``."""
+        line = LineExchange(design.plans, TIMING, self.link, tell, design.groups, cut_through=DRIVES)
+        assert line.cuts is not None
+        line.cuts.reply._pauses = SteadyPauses(CHAR_NS)
+        return line
+
+    def door_of(self, line: LineExchange) -> Instant:
+        """See ``RtuSide``."""
+        return CutDoor(line)
+
+    def roots(self) -> list[object]:
+        """See ``RtuSide``."""
+        return [*super().roots(), *(port._cutter.replies for port in self.ports)]
+
+    def fall_silent(self, now_ns: int) -> None:
+        """See ``RtuSide``: cutters are the first to miss what does not come."""
+        self.door.now_ns = now_ns
+        for port in self.ports:
+            port._cut_timer.pass_by()
+        super().fall_silent(now_ns)
+        self.link.pipe.owes_silence = False
+
+    def gone(self, port: int, now_ns: int) -> None:
+        """See ``Side``."""
+        self.door.now_ns = now_ns
+        self.ports[port].closed("", now_ns)
+        self.open_port(port, now_ns)
+
+    def drop_what_is_over(self) -> None:
+        """Let go of frames that have ended: nothing is asked of them any more, and states need not differ."""
+        for port in self.ports:
+            if port._cutter._cut is not None and port._cutter._cut.is_over:
+                port._cutter._cut = None
+        assert self.line.cuts is not None
+        reply = self.line.cuts.reply
+        if reply._transaction is not None and reply._transaction.phase is not Phase.SENT:
+            reply._transaction = reply._cut = reply._judge = None
+
+    def cut_off(self, now_ns: int) -> None:
+        """The way to the drives is lost."""
+        self.door.now_ns = now_ns
+        self.link.closed("", now_ns)
+        self.link.pipe.break_off()
+
+
+class CutWorld(RtuWorld):
+    """A world whose requests come in pieces, and leave so where they may."""
+
+    def __init__(self, design: Design) -> None:
+        super().__init__(design)
+        side = self._cut_side
+        axes = {id(each) for each in Lens(side.line.axes, TICK_NS, design.horizon_ticks).objects}
+        self._of_axes = tuple(i for i, each in enumerate(side.lens.objects) if id(each) in axes)
+
+    def side_of(self, ways: dict[str, int], tell: Callable[[Event], None]) -> CutSide:
+        """See ``World``."""
+        return CutSide(self.design, tell)
+
+    @property
+    def _cut_side(self) -> CutSide:
+        side = self.sides[0]
+        assert isinstance(side, CutSide)
+        return side
+
+    @property
+    def is_leaving(self) -> bool:
+        """Whether the line says that a request is leaving."""
+        found = on_its_way(self._cut_side.line)
+        return found is not None and found.phase is Phase.LEAVING
+
+    # --- what can happen -------------------------------------------------------------------------------
+
+    def happenings(self) -> list[Happening]:
+        """See ``World``."""
+        design, state = self.design, self.state
+        found = [each for each in super().happenings() if each[0] != "half" or each[1] == 0]
+        if not state.half:
+            return found
+        *_, ticks = state.half
+        for port in range(1, len(design.controllers)):
+            if len(state.asked[port]) < design.most_asked:
+                found += [("ask", port, *each) for each in self._requests()]
+        if "disconnect" in design.happenings:
+            found.append(("disconnect", 0))
+        if ticks:
+            return found
+        if "tail_bad" in design.happenings:
+            found.append(("tail_bad",))
+        if state.come == CUT:
+            found.append(("more",))
+        if "anew" in design.happenings:
+            found += [("anew", *each) for each in self._requests()]
+        is_waited_for = self._cut_side.ports[0]._cut_timer.deadline_ns is not None
+        if is_waited_for:
+            found.append(("stall",) if self.is_leaving else ("lead",))
+        if self.is_leaving and "noise" in design.happenings:
+            found.append(("noise",))
+        return found
+
+    # --- making it happen ------------------------------------------------------------------------------
+
+    def happen(self, event: Happening) -> None:
+        """See ``World``."""
+        pipe = self._cut_side.link.pipe
+        was_leaving, may_be_untouched = self.is_leaving, event[0] in (*QUIET, "tail")
+        axes = self._axes() if may_be_untouched else ()
+        pipe.ends.clear()
+        super().happen(event)
+        self._cut_side.drop_what_is_over()
+        ends = tuple(pipe.ends)
+        pipe.ends.clear()
+        if self.is_leaving is not bool(pipe.leaving):
+            raise BrokenRuleError(f"a frame is cut short: {pipe.leaving.hex(' ')} (W12)")
+        if self.is_leaving and self.state.wire is not None:
+            raise BrokenRuleError("a frame leaves while another one is on the wire (W6)")
+        if (
+            was_leaving
+            and not self.is_leaving
+            and event[0] not in CUTS_OFF
+            and not (
+                len(ends) == 1
+                or (ends == ("spoilt", "whole") and event[0] in TAKES_TIME)  # behind its silence
+            )
+        ):
+            raise BrokenRuleError(f"what was leaving has ended as {ends} (W12)")
+        is_untouched = event[0] in QUIET or ends == ("spoilt",)
+        if may_be_untouched and is_untouched and "whole" not in ends and axes != self._axes():
+            raise BrokenRuleError("what never left whole has changed its axis (W12)")
+
+    def _axes(self) -> tuple[int, ...]:
+        """Return what is to be known of the axes."""
+        tokens = self._cut_side.lens.take(self.now_ns).tokens
+        return tuple(tokens[i] for i in self._of_axes)
+
+    def _collect(self, answered: Wire | None = None, reply: bytes = b"") -> None:
+        super()._collect(answered, reply)
+        if not self.state.is_up:  # over a serial port nobody is told that, and gives up (W7)
+            for port in range(len(self.design.controllers)):
+                self._give_up(port)
+
+    def _call(self, name: str, *args: Any) -> None:
+        if name == "link_down":
+            self._cut_side.cut_off(*args)
+            return
+        super()._call(name, *args)
+
+    def _half_bytes(self) -> bytes:
+        name, axis, number, _ = self.state.half
+        return encode_rtu(self.design.plans[axis].unit_id, self.pdu(name, number))
+
+    def _end_half(self) -> bytes:
+        """Return the rest of what has begun to come; it comes now."""
+        rest = self._half_bytes()[self.state.come :]
+        self.state = self.state._replace(half=(), come=0)
+        return rest
+
+    def _on_half(self, port: int, name: str, axis: int, number: int = 0) -> None:
+        self.state = self.state._replace(come=CUT)
+        super()._on_half(port, name, axis, number)
+
+    def _on_more(self) -> None:
+        """More bytes come: of a write those of its position."""
+        data = self._half_bytes()
+        come = min(DATA, len(data) - 1)
+        piece = data[self.state.come : come]
+        self.state = self.state._replace(come=come)
+        self._cut_side.feed(0, piece, self.now_ns)
+        self._collect()
+
+    def _on_lead(self) -> None:
+        """The lead of the first byte is over."""
+        self._pass_once()
+
+    def _on_stall(self) -> None:
+        """The next bytes do not come in time. The decoder has more patience, and takes them all the same."""
+        self._pass_once()
+
+    def _pass_once(self) -> None:
+        self._cut_side.door.now_ns = self.now_ns
+        self._cut_side.ports[0]._cut_timer.pass_once()
+        self._collect()
+
+    def _on_noise(self) -> None:
+        """Bytes come from the drives while a request leaves to them."""
+        self._cut_side.hear(b"\x55", self.now_ns)
+        self._collect()
+
+    def _on_tail(self) -> None:
+        """The rest comes; see ``RtuWorld``. What leaves is what would leave if all had been stored."""
+        name, axis, number, ticks = self.state.half
+        rest = self._end_half()
+        self._give_up(0)
+        if ticks:
+            self._cut_side.feed(0, rest, self.now_ns)
+            self._cut_side.fall_silent(self.now_ns)
+            self._collect()
+            return
+        transaction_id, _ = self._register(name, axis, number)
+        stored = self._stored(rest) if self.is_leaving else None
+        self._cut_side.feed(0, rest, self.now_ns)
+        sent = list(self._cut_side.link.sent)
+        if stored is not None and sent and (sent, self._axes()) != stored:
+            raise BrokenRuleError(f"stored it would have left as {stored[0]}, not as {sent} (W12)")
+        if stored is not None and sent:  # it has had the line since it began
+            mine = 0, transaction_id
+            others = tuple(each for each in self.state.order if each != mine)
+            self.state = self.state._replace(order=(mine, *others))
+        self._collect()
+
+    def _stored(self, rest: bytes) -> tuple[list[tuple[int, bytes]], tuple[int, ...]]:
+        """Return what would leave if nothing had left yet, and what was known of the axes then."""
+        side = self._cut_side
+        before, told, met = side.lens.take(self.now_ns), list(self.told), set(self.tally.events)
+        side.line._current = None
+        side.ports[0]._cutter._cut = None
+        side.link.pipe.leaving = b""
+        side.feed(0, rest, self.now_ns)
+        found = list(side.link.sent), self._axes()
+        side.lens.restore(before, is_live_known=False)
+        for port in side.ports:
+            port.replies.clear()
+        self.told[:], self.tally.events = told, met
+        return found
+
+    def _on_tail_bad(self) -> None:
+        """The rest comes with a bad check sum: nobody has asked for anything."""
+        rest = self._end_half()
+        self._give_up(0)
+        self._cut_side.feed(0, rest[:-1] + bytes((rest[-1] ^ 0x5A,)), self.now_ns)
+        self._cut_side.fall_silent(self.now_ns)
+        self._collect()
+
+    def _on_anew(self, name: str, axis: int, number: int = 0) -> None:
+        """The rest comes in one read with another request, with which its controller gives it up (W5)."""
+        before = self.state.half
+        rest = self._end_half()
+        self._give_up(0)
+        self._register(*before[:3])
+        self._give_up(0)
+        _, data = self._register_rtu(name, axis, number)
+        self._cut_side.feed(0, rest + data, self.now_ns)
+        self._collect()
+
+    def _on_disconnect(self, port: int) -> None:
+        if not port:
+            self.state = self.state._replace(come=0)
+        super()._on_disconnect(port)
+
+    def _restart(self, *, is_record_kept: bool, is_whole: bool = True) -> None:
+        self.state = self.state._replace(half=(), come=0)
+        super()._restart(is_record_kept=is_record_kept, is_whole=is_whole)
+
+
+__all__ = ["CutWorld"]
