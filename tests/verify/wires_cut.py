@@ -50,7 +50,7 @@ DATA: Final = 11
 BLOCK: Final = 0x10
 READ: Final = 0x03
 QUIET: Final = (
-    *("half", "lead", "more", "stall", "noise", "tail_bad"),
+    *("half", "lead", "more", "stall", "noise", "tail_bad", "tail_odd"),
     *("split", "reply_lead", "reply_more", "reply_stall", "reply_bad"),
 )
 """Events with which no request and no reply is whole: they change no axis."""
@@ -208,7 +208,7 @@ class CutPipe(WirePipe):
 
 
 class ReplyPipe(CutPipe):
-    """The wire of a controller. Behind a spoilt reply nothing is said before it has asked again."""
+    """The wire of a controller. Nothing is said at once behind a spoilt reply."""
 
     length_of = staticmethod(reply_length_of)
 
@@ -248,11 +248,6 @@ class CutSide(RtuSide):
             pipe.owes_silence = False
         for port in self.ports:
             port._cutter._cut = None
-
-    def feed(self, port: int, data: bytes, now_ns: int) -> None:
-        """See ``BytesSide``."""
-        self.wires[port].owes_silence = False
-        super().feed(port, data, now_ns)
 
     def gone(self, port: int, now_ns: int) -> None:
         """See ``Side``."""
@@ -332,6 +327,11 @@ class CutWorld(RtuWorld):
         found = on_its_way(self._cut_side.line)
         return found is not None and found.phase is Phase.LEAVING
 
+    @property
+    def is_replying(self) -> bool:
+        """Whether a reply is leaving."""
+        return self._cut_side.pipe_of_reply is not None
+
     # --- what can happen -------------------------------------------------------------------------------
 
     def happenings(self) -> list[Happening]:
@@ -358,6 +358,8 @@ class CutWorld(RtuWorld):
             return found
         if "tail_bad" in design.happenings:
             found.append(("tail_bad",))
+            if state.come == CUT and state.half[0] == "to":
+                found.append(("tail_odd",))
         if state.come == CUT:
             found.append(("more",))
         if "anew" in design.happenings:
@@ -382,7 +384,7 @@ class CutWorld(RtuWorld):
         if "again" in design.happenings and state.asked[0]:
             found += [("ask", 0, *each) for each in self._requests()]
         if self._cut_side.link._cut_timer.deadline_ns is not None:
-            found.append(("reply_stall",) if self._cut_side.pipe_of_reply is not None else ("reply_lead",))
+            found.append(("reply_stall",) if self.is_replying else ("reply_lead",))
         return found
 
     def _requests(self) -> Iterable[tuple[Any, ...]]:
@@ -400,6 +402,7 @@ class CutWorld(RtuWorld):
         reply_pipe, cut_ends = side.pipe_of_reply, side.ends()
         for each in side.wires:
             each.ends.clear()
+            each.owes_silence = False
         self._happen(event)
         self.tally.cuts |= {each.rpartition(" ")[0] for each in side.ends() - cut_ends}
         leaving = [each for each in side.wires if each.leaving]
@@ -555,6 +558,14 @@ class CutWorld(RtuWorld):
         rest = self._end_half()
         self._give_up(0)
         self._cut_side.feed(0, rest[:-1] + bytes((rest[-1] ^ 0x5A,)), self.now_ns)
+        self._cut_side.fall_silent(self.now_ns)
+        self._collect()
+
+    def _on_tail_odd(self) -> None:
+        """It goes on with another head, that of a write of one register, and with a bad check sum."""
+        self._end_half()
+        self._give_up(0)
+        self._cut_side.feed(0, bytes.fromhex("00 01 02 12 34 00 00"), self.now_ns)
         self._cut_side.fall_silent(self.now_ns)
         self._collect()
 
