@@ -54,6 +54,7 @@ QUIET: Final = (
     *("split", "reply_lead", "reply_more", "reply_stall", "reply_bad"),
 )
 """Events with which no request and no reply is whole: they change no axis."""
+ENDS: Final = tuple(f"{name} {turn.value}" for name in ("request", "reply") for turn in Turn)
 CUTS_OFF: Final = ("unplug", "kill", "kill_bare")
 """After these nothing of a request follows on what has left."""
 CUTS_REPLY_OFF: Final = ("disconnect", "kill", "kill_bare")
@@ -257,7 +258,11 @@ class CutSide(RtuSide):
         self.open_port(port, now_ns)
 
     def drop_what_is_over(self) -> None:
-        """Let go of frames that have ended: nothing is asked of them any more, and states need not differ."""
+        """Let go of frames that have ended: nothing is asked of them any more, and states need not differ.
+
+        So of bytes that answer nothing: they wait, 256 of them, to be a late frame. No frame is late here.
+        """
+        self.link._decoder._stray = b""
         for port in self.ports:
             if port._cutter._cut is not None and port._cutter._cut.is_over:
                 port._cutter._cut = None
@@ -285,15 +290,17 @@ class CutSide(RtuSide):
         assert reply._transaction is not None
         return self.wires[self.ports.index(reply._transaction.port)]
 
-    def ends(self) -> set[str]:
-        """Return how frames have ended so far of which bytes had left."""
+    def ends(self) -> tuple[int, ...]:
+        """Return how often each end of ``ENDS`` was met so far by a frame of which bytes had left."""
         cuts = self.cuts
-        ways = ("request", cuts.requests, cuts.requests_stored), ("reply", cuts.replies, cuts.replies_stored)
-        return {
-            f"{name} {turn.value} {ended[turn] - stored[turn]}"
-            for name, ended, stored in ways
+        return tuple(
+            ended[turn] - stored[turn]
+            for ended, stored in (
+                (cuts.requests, cuts.requests_stored),
+                (cuts.replies, cuts.replies_stored),
+            )
             for turn in Turn
-        }
+        )
 
     def cut_off(self, now_ns: int) -> None:
         """The way to the drives is lost."""
@@ -335,17 +342,16 @@ class CutWorld(RtuWorld):
     # --- what can happen -------------------------------------------------------------------------------
 
     def happenings(self) -> list[Happening]:
-        """See ``World``."""
+        """See ``World``. Where there are two axes one controller only stops, and the other one never does."""
+        found = self._anything()
+        if len(self.design.plans) < 2:
+            return found
+        return [e for e in found if e[0] not in ("ask", "half") or (e[2] == "stop") == (e[1] == 1)]
+
+    def _anything(self) -> list[Happening]:
         design, state = self.design, self.state
         found = [each for each in super().happenings() if each[0] != "half" or each[1] == 0]
-        if len(design.plans) > 1:  # who only stops, and what is only stopped
-            found = [each for each in found if each[0] != "ask" or (each[2] == "stop") == (each[1] == 1)]
-        if state.wire is not None and not state.wire.is_obeyed and "split_odd" in design.happenings:
-            found += [
-                ("split", each) for each in ("refuse", "garble") if each != "garble" or _is_write(state.wire)
-            ]
-        if state.split or (state.wire is not None and state.wire.is_obeyed):
-            found += self._while_replying()
+        found += self._while_replying() if self._has_begun_to_reply else self._odd_replies()
         if not state.half:
             return found
         *_, ticks = state.half
@@ -370,6 +376,19 @@ class CutWorld(RtuWorld):
         if self.is_leaving and "noise" in design.happenings:
             found.append(("noise",))
         return found
+
+    @property
+    def _has_begun_to_reply(self) -> bool:
+        wire = self.state.wire
+        return bool(self.state.split) or (wire is not None and wire.is_obeyed)
+
+    def _odd_replies(self) -> list[Happening]:
+        """What else than an acknowledgement can begin to come."""
+        wire = self.state.wire
+        if wire is None or "split_odd" not in self.design.happenings:
+            return []
+        refused: list[Happening] = [("split", "refuse")] if wire.owner >= 0 else []
+        return refused + ([("split", "garble")] if wire.pdu[0] == BLOCK else [])
 
     def _while_replying(self) -> list[Happening]:
         """What else can happen while a reply comes, or after it came damaged."""
@@ -404,7 +423,11 @@ class CutWorld(RtuWorld):
             each.ends.clear()
             each.owes_silence = False
         self._happen(event)
-        self.tally.cuts |= {each.rpartition(" ")[0] for each in side.ends() - cut_ends}
+        ends = side.ends()
+        if ends != cut_ends:
+            self.tally.cuts |= {
+                ENDS[i] for i, (a, b) in enumerate(zip(ends, cut_ends, strict=True)) if a != b
+            }
         leaving = [each for each in side.wires if each.leaving]
         if leaving != ([] if side.pipe_of_reply is None else [side.pipe_of_reply]):
             raise BrokenRuleError(
@@ -508,12 +531,8 @@ class CutWorld(RtuWorld):
         self._collect()
 
     def _on_noise(self) -> None:
-        """Bytes come from the drives while a request leaves to them.
-
-        They wait to be seen whether a late frame comes of them, 256 of them at most. No frame is late here.
-        """
+        """Bytes come from the drives while a request leaves to them."""
         self._cut_side.hear(b"\x55", self.now_ns)
-        self._cut_side.link._decoder._stray = b""
         self._collect()
 
     def _on_tail(self) -> None:
@@ -584,6 +603,11 @@ class CutWorld(RtuWorld):
         if not port:
             self.state = self.state._replace(come=0)
         super()._on_disconnect(port)
+
+    def _on_wait(self, _axis: int = 0) -> None:
+        super()._on_wait()
+        if self.state.split:  # how much of it has come says nothing any more
+            self.state = self.state._replace(reply_come=CUT)
 
     def _on_unplug(self) -> None:
         super()._on_unplug()
@@ -695,10 +719,6 @@ class CutWorld(RtuWorld):
             port.replies.clear()
         self.told[:], self.tally.events = told, met
         return found
-
-
-def _is_write(wire: Wire) -> bool:
-    return wire.pdu[0] == BLOCK
 
 
 __all__ = ["CutWorld"]
