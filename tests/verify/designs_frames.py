@@ -356,16 +356,21 @@ def _replies_cut_through(small: Make, small_staged: Make) -> tuple[Design, ...]:
     return (
         small(
             "b-rtu-cut-back",
-            "replies leave while they arrive: silence in the middle",
+            "replies leave while they arrive, and may come too slowly for that",
             **both | {"happenings": ("arrive", "wait", "split")},
         ),
         small(
+            "b-rtu-cut-back-silent",
+            "the same: a silence in the middle, which ends them",
+            **both | {"happenings": ("arrive", "wait", "split", "silence")},
+        ),
+        small(
             "b-rtu-cut-back-bad",
-            "the same of reads: bad check sums",
+            "the same of reads: bad check sums, and silences in the middle",
             **both
             | {
                 "menu": ("read", "status"),
-                "happenings": ("wait", "split", "reply_bad"),
+                "happenings": ("wait", "split", "reply_bad", "silence"),
                 "ways": (_comes_back("read", *ask("read")), _comes_back("status", *ask("status"))),
             },
         ),
@@ -386,7 +391,7 @@ def _replies_cut_through(small: Make, small_staged: Make) -> tuple[Design, ...]:
         small(
             "b-rtu-cut-back-link",
             "the same: the port of its controller, or the way to the drives, is lost meanwhile",
-            **both | {"happenings": ("arrive", "wait", "split", "disconnect", "unplug", "plug")},
+            **both | {"happenings": ("arrive", "wait", "split", "silence", "disconnect", "unplug", "plug")},
         ),
         small(
             "b-rtu-cut-back-changes",

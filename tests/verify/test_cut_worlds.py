@@ -13,7 +13,7 @@ from tests.verify.errors import BrokenRuleError
 from tests.verify.explore import Walk
 from tests.verify.sometimes import CUT_ENDS
 from tests.verify.test_verify import ACK, PLAIN
-from tests.verify.wires_cut import CutPipe, CutWorld
+from tests.verify.wires_cut import CutPipe, CutSide, CutWorld
 from tests.verify.world import Happening
 
 pytestmark = PLAIN
@@ -136,7 +136,7 @@ COME: Final = (*COMING, ("reply_more",))
         ("b-rtu-cut-back", (TAIL,), Turn.COMMITTED),
         ("b-rtu-cut-back-bad", (("reply_bad",), ("wait",)), Turn.BAD),
         ("b-rtu-cut-back", (("reply_stall",), TAIL), Turn.STALLED),
-        ("b-rtu-cut-back", (("wait",), TAIL), Turn.STALLED),
+        ("b-rtu-cut-back-silent", (("wait",), TAIL), Turn.STALLED),
         ("b-rtu-cut-back-again", (("ask", 0, "read", 0), TAIL, ("settle",)), Turn.ANEW),
         ("b-rtu-cut-back-link", (("disconnect", 0), TAIL), Turn.LOST),
         ("b-rtu-cut-back-link", (("unplug",), ("plug",)), Turn.GONE),
@@ -168,6 +168,27 @@ def test_a_stop_waits_for_a_reply_that_leaves(steps: Sequence[Happening]) -> Non
 def test_an_acknowledgement_of_other_registers_is_spoilt_where_bytes_of_it_have_left() -> None:
     world = let_happen("b-rtu-cut-back-odd", ODDLY_ACKNOWLEDGED)
     assert ends_of_replies(world) == {Turn.CHANGED}
+
+
+@pytest.mark.parametrize("first", ["02 03 04 23", "01 04 04 23", "01 03 06 23", "01 83 04 40"])
+def test_what_begins_as_no_reply_to_what_was_asked_never_begins_to_leave(first: str) -> None:
+    world = let_happen("b-rtu-cut-back", (*SEEN_THERE, ("ask", 0, "read", 0)))
+    side = world.sides[0]
+    assert isinstance(side, CutSide)
+    kept = side.cuts.replies_stored[Turn.KEPT]
+    side.hear(bytes.fromhex(first), world.now_ns)
+    assert (side.cuts.replies_stored[Turn.KEPT], side.cuts.reply.deadline_ns) == (kept + 1, None)
+
+
+def test_a_reply_that_leaves_ends_although_its_controller_begins_another_request() -> None:
+    world = let_happen("b-rtu-cut-back", (*SEEN_THERE, ("ask", 0, "read", 0), *COME))
+    side = world.sides[0]
+    assert isinstance(side, CutSide)
+    side.feed(0, bytes.fromhex("01 03 05 20"), world.now_ns)
+    world.happen(TAIL)
+    assert ends_of_replies(world) == {Turn.COMMITTED}
+    side.feed(0, bytes.fromhex("00 02 C5 0D"), world.now_ns)
+    assert side.link.sent == [(1, bytes.fromhex("03 05 20 00 02"))]
 
 
 def test_a_refusal_is_stored() -> None:

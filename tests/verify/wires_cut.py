@@ -267,8 +267,13 @@ class CutSide(RtuSide):
             if port._cutter._cut is not None and port._cutter._cut.is_over:
                 port._cutter._cut = None
         reply = self.cuts.reply
-        if reply._transaction is not None and reply._transaction.phase is not Phase.SENT:
+        transaction = reply._transaction
+        if transaction is None:
+            return
+        if transaction.phase is not Phase.SENT:
             reply._transaction = reply._cut = reply._judge = None
+        elif transaction.is_orphan and reply._cut is not None and reply._cut.is_over:
+            reply._cut = reply._judge = None  # for nobody no other one begins
 
     @property
     def wires(self) -> list[CutPipe]:
@@ -351,7 +356,12 @@ class CutWorld(RtuWorld):
     def _anything(self) -> list[Happening]:
         design, state = self.design, self.state
         found = [each for each in super().happenings() if each[0] != "half" or each[1] == 0]
-        found += self._while_replying() if self._has_begun_to_reply else self._odd_replies()
+        if not self._has_begun_to_reply:
+            found += self._odd_replies()
+        else:
+            if "again" not in design.happenings:  # who heard a spoilt one asks again when all of it has come
+                found = [each for each in found if each[0] not in ("ask", "half") or each[1]]
+            found += self._while_replying()
         if not state.half:
             return found
         *_, ticks = state.half
@@ -393,7 +403,7 @@ class CutWorld(RtuWorld):
     def _while_replying(self) -> list[Happening]:
         """What else can happen while a reply comes, or after it came damaged."""
         design, state = self.design, self.state
-        found: list[Happening] = [("wait",)] if design.is_answered and "wait" in design.happenings else []
+        found: list[Happening] = [("wait",)] if "silence" in design.happenings else []
         if not state.split or state.is_cut_off:
             return found
         if "reply_bad" in design.happenings:
@@ -698,7 +708,7 @@ class CutWorld(RtuWorld):
             return
         assert wire is not None
         self._collect(answered=wire, reply=reply)
-        if wire.aim is not None:
+        if wire.aim is not None and self.state.wire is None:
             self._on_wait()
 
     def _passed(self) -> list[list[bytes]]:
