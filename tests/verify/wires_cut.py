@@ -17,7 +17,7 @@ from gateway.exchange.cut_line import CutLine, Pauses, RequestCutter
 from gateway.exchange.cut_line import Wire as LineWire
 from gateway.exchange.cut_replies import Replies
 from gateway.exchange.cut_requests import Heads
-from gateway.exchange.cut_through import Turn
+from gateway.exchange.cut_through import Cut, Turn
 from gateway.exchange.events import Event
 from gateway.exchange.leads import (
     MeasuredLead,
@@ -244,11 +244,15 @@ class CutSide(RtuSide):
         self.door.now_ns = now_ns
         for each in (*self.ports, self.link):
             each._cut_timer.pass_by()
+        if any(pipe.leaving for pipe in (*self.wires, self.link.pipe)):
+            raise BrokenRuleError("a frame stands still in the middle, and is not filled up (W12)")
         super().fall_silent(now_ns)
         for pipe in (*self.wires, self.link.pipe):
             pipe.owes_silence = False
         for port in self.ports:
-            port._cutter._cut = None
+            cut = port._cutter._cut
+            if cut is not None and cut.state is Cut.BEGUN:
+                port._cutter._cut = None
 
     def gone(self, port: int, now_ns: int) -> None:
         """See ``Side``."""
