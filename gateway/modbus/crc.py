@@ -16,6 +16,7 @@ The check sum is a running residue, which each byte takes one step further. Thre
 from typing import Final
 
 from fastcrc.crc16 import modbus as crc16
+from librt.strings import BytesWriter, write_i16_le
 
 __all__ = [
     "INTACT",
@@ -29,6 +30,8 @@ __all__ = [
     "residue_after",
 ]
 
+_SIGN: Final = 0x8000
+_NEXT_SIGN: Final = 0x10000
 SEAM: Final = 0xFFFF
 """Residue before the first byte."""
 INTACT: Final = 0
@@ -43,7 +46,11 @@ def append_crc(data: bytes) -> bytes:
     >>> append_crc(bytes.fromhex("01 06 31 00 00 0F")).hex(" ")
     '01 06 31 00 00 0f c7 32'
     """
-    return data + crc16(data).to_bytes(2, "little")
+    check_sum = crc16(data)
+    framed = BytesWriter()
+    framed.write(data)
+    write_i16_le(framed, check_sum if check_sum < _SIGN else check_sum - _NEXT_SIGN)
+    return framed.getvalue()
 
 
 def is_intact(frame: bytes) -> bool:

@@ -22,7 +22,6 @@ registers has 255, a reply of 126 registers too. Up to here it is a frame that i
 FUNCTION_AT: Final = 7
 
 _unpack_header = HEADER.unpack_from
-_frame: Final = BytesWriter()
 _SIGN: Final = 0x8000
 _NEXT_SIGN: Final = 0x10000
 
@@ -43,12 +42,12 @@ def encode_mbap(transaction_id: int, unit_id: int, pdu: bytes) -> bytes:
         raise FrameError(
             f"transaction id {transaction_id} must be in 0 … 65535, unit id {unit_id} in 0 … 255"
         )
-    _frame.truncate(0)
-    write_i32_be(_frame, (transaction_id - _NEXT_SIGN if transaction_id >= _SIGN else transaction_id) << 16)
-    write_i16_be(_frame, size + 1)
-    _frame.append(unit_id)
-    _frame.write(pdu)
-    return _frame.getvalue()
+    frame = BytesWriter()
+    write_i32_be(frame, (transaction_id - _NEXT_SIGN if transaction_id >= _SIGN else transaction_id) << 16)
+    write_i16_be(frame, size + 1)
+    frame.append(unit_id)
+    frame.write(pdu)
+    return frame.getvalue()
 
 
 @dataclass(slots=True)

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gateway.modbus.crc import crc16
+from gateway.modbus.crc import append_crc
 from gateway.modbus.errors import FrameError
 from gateway.modbus.pdu import MAX_PDU
 from gateway.modbus.rtu_line import Frame, RtuCounters, silence_ns
@@ -24,5 +24,4 @@ def encode_rtu(unit_id: int, pdu: bytes) -> bytes:
         raise FrameError(f"a PDU of {len(pdu)} bytes cannot be framed: it has 1 to {MAX_PDU}")
     if not 0 <= unit_id <= 0xFF:
         raise FrameError(f"unit id {unit_id} must be in 0 … 255")
-    frame = _UNIT_IDS[unit_id] + pdu
-    return frame + crc16(frame).to_bytes(2, "little")
+    return append_crc(_UNIT_IDS[unit_id] + pdu)

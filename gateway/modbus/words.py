@@ -58,7 +58,7 @@ class Codec:
 class _Integer(Codec):
     """Integers that are one number in wire order: every type of one word, and the high-first ones."""
 
-    __slots__ = ("_is_signed", "_largest", "_range", "_smallest", "_written")
+    __slots__ = ("_is_signed", "_largest", "_range", "_smallest")
 
     def __init__(self, name: str, layout: str, *, low_first: bool) -> None:
         super().__init__(name, layout, low_first=low_first)
@@ -66,7 +66,6 @@ class _Integer(Codec):
         self._is_signed = not name.startswith("u")
         self._smallest = -self._range // 2 if self._is_signed else 0
         self._largest = self._smallest + self._range - 1
-        self._written = BytesWriter()
 
     def unpack(self, data: bytes, offset: int) -> int:
         """See ``Codec``."""
@@ -87,8 +86,7 @@ class _Integer(Codec):
         number = self._checked(raw)
         if not self._is_signed and number > self._largest // 2:
             number -= self._range
-        written = self._written
-        written.truncate(0)
+        written = BytesWriter()
         if self.words == 2:
             write_i32_be(written, number)
         elif self.words == 1:
