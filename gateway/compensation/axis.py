@@ -378,18 +378,17 @@ class AxisCompensation:
             return None
         correction_map = self._steady_map
         if correction_map.is_identity:
-            return nominal_counts, 0.0, position, extreme, now_ns, self._state, correction_map
+            return SteadyMove(nominal_counts, 0.0, position, extreme, now_ns, self._state, correction_map)
         correction = correction_map.correction(position)
         if not self._lowest <= position + correction <= self._highest:
             return None
         counts = correction * self._counts_per_unit
-        return nominal_counts, counts, position, extreme, now_ns, self._state, correction_map
+        return SteadyMove(nominal_counts, counts, position, extreme, now_ns, self._state, correction_map)
 
     def move_of(self, steady: SteadyMove) -> Move:
         """Return a steady move with the state that accepting it leads to, as :meth:`plan` would."""
-        nominal_counts, correction_counts, position, extreme, now_ns, before, correction_map = steady
-        state = self._state_after(before, position, extreme, now_ns)
-        return _new(Move, (nominal_counts, correction_counts, correction_map, state))
+        state = self._state_after(steady.before, steady.position, steady.extreme, steady.now_ns)
+        return _new(Move, (steady.nominal_counts, steady.correction_counts, steady.correction_map, state))
 
     def _state_after(self, before: State, position: float, extreme: float, now_ns: int) -> State:
         """Return what a target leaves behind that goes on in its direction."""
@@ -420,13 +419,12 @@ class AxisCompensation:
             corrected_counts: what the drive was sent.
             is_reached: as of :meth:`commit`.
         """
-        nominal_counts, _, position, extreme, now_ns, before, correction_map = steady
         accepted = self._accepted
         if (
             accepted is None
             or not self.is_steady
-            or before is not self._state
-            or correction_map is not self._steady_map
+            or steady.before is not self._state
+            or steady.correction_map is not self._steady_map
             or not (self._standing_counts is None or is_reached)
         ):
             self.commit(self.move_of(steady), corrected_counts, is_reached=is_reached)
@@ -435,8 +433,8 @@ class AxisCompensation:
             self._from_nominal, self._from_corrected = self._to_nominal, self._to_corrected
         else:
             self._from_nominal, self._from_corrected = accepted
-        self._to_nominal, self._to_corrected = nominal_counts, corrected_counts
-        self._position, self._extreme, self._at_ns = position, extreme, now_ns
+        self._to_nominal, self._to_corrected = steady.nominal_counts, corrected_counts
+        self._position, self._extreme, self._at_ns = steady.position, steady.extreme, steady.now_ns
         self._standing_counts = None
         self._steps += 1
 

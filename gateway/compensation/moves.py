@@ -55,10 +55,42 @@ class Move(NamedTuple):
     state: State
 
 
-SteadyMove = tuple[Counts, float, float, float, int, State, CorrectionMap]
-"""A move that changes nothing but the position: nominal and correction counts, nominal machine position, the
-furthest one of its travel, time in ns, the state before it (position, furthest one and time of which may be
-older), the map. A plain tuple, for one is made for each setpoint; see ``move_of``."""
+class SteadyMove:
+    """A move that changes nothing but the position; see ``AxisCompensation.move_of``.
+
+    Plain numbers, for one is made for each setpoint.
+    """
+
+    __slots__ = (
+        "before",
+        "correction_counts",
+        "correction_map",
+        "extreme",
+        "nominal_counts",
+        "now_ns",
+        "position",
+    )
+
+    def __init__(  # noqa: PLR0917 - called for each setpoint
+        self,
+        nominal_counts: Counts,
+        correction_counts: float,
+        position: float,
+        extreme: float,
+        now_ns: int,
+        before: State,
+        correction_map: CorrectionMap,
+    ) -> None:
+        self.nominal_counts = nominal_counts
+        self.correction_counts = correction_counts
+        self.position = position
+        """Nominal machine position."""
+        self.extreme = extreme
+        """The furthest one of its travel."""
+        self.now_ns = now_ns
+        self.before = before
+        """The state before it: its position, furthest one and time may be older."""
+        self.correction_map = correction_map
 
 
 class Accepted(NamedTuple):

@@ -405,7 +405,7 @@ def _sent_pdu(transaction: Transaction) -> bytes:
     path, target, pdu = transaction.path, transaction.target, transaction.pdu
     if target is not None and isinstance(path, WritePath):
         start, end = path.place
-        return pdu[:start] + target[1] + pdu[end:]
+        return pdu[:start] + target.corrected_words + pdu[end:]
     rewritings = transaction.rewritings
     return rewritings[0].sent_pdu if len(rewritings) == 1 else pdu
 

@@ -224,7 +224,7 @@ class RequestJudge(Judge):
         if target is None:
             return None
         self._target, self._judged_ns = target, now_ns
-        return begun[first:start] + target[1] + begun[stop:end]
+        return begun[first:start] + target.corrected_words + begun[stop:end]
 
     def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
         """See ``Judge``. A target is judged again, as if nothing but what has happened since were new."""
@@ -233,7 +233,7 @@ class RequestJudge(Judge):
         if isinstance(path, WritePath):
             start, stop = path.place
             target = path.judged(self._port, frame[1 + start : 1 + stop], self._judged_ns)
-            if target is None or frame[: 1 + start] + target[1] + frame[1 + stop :] != sent:
+            if target is None or frame[: 1 + start] + target.corrected_words + frame[1 + stop :] != sent:
                 return False
         return self._leaves(path, frame[1:], target, now_ns) == sent[1:]
 
@@ -250,4 +250,4 @@ def leave_on(
     path.keep(transaction, target)
     start, stop = path.place
     pdu = transaction.pdu
-    return pdu[:start] + target[1] + pdu[stop:]
+    return pdu[:start] + target.corrected_words + pdu[stop:]

@@ -190,7 +190,8 @@ class WritePath(FastPath):
         if target is None:
             return None
         self.keep(transaction, target)
-        return self._head + target[1] if self._is_last else pdu[:start] + target[1] + pdu[end:]
+        words = target.corrected_words
+        return self._head + words if self._is_last else pdu[:start] + words + pdu[end:]
 
     def keep(self, transaction: Transaction, target: SteadyTarget) -> None:
         """A target goes out next: what has to be known of it after a kill is written."""
@@ -230,7 +231,7 @@ class WritePath(FastPath):
                 return None
             if self._number != axis.last_number:
                 return None  # another register of the axis was written since: this is a target
-            return words, image.corrected_words, 0.0, image.epoch, None
+            return SteadyTarget(words, image.corrected_words, 0.0, image.epoch, None)
         if self._terms is not None and self._terms.is_due(now_ns):
             return None
         raw = self._codec.unpack(words, 0)
@@ -238,13 +239,13 @@ class WritePath(FastPath):
         steady = compensation.plan_steady(nominal_counts, now_ns, axis.whereabouts is ARRIVED)
         if steady is None:
             return None
-        raw += nearest(steady[1] / self._scale)
+        raw += nearest(steady.correction_counts / self._scale)
         try:
             corrected_words = self._codec.pack(raw)
         except RegisterRangeError:
             return None
         corrected_counts = raw if self._scale == 1.0 else raw * self._scale
-        return words, corrected_words, corrected_counts, image.epoch, steady
+        return SteadyTarget(words, corrected_words, corrected_counts, image.epoch, steady)
 
     def left(self, transaction: Transaction) -> None:
         """See ``FastPath``."""
@@ -278,9 +279,11 @@ class WritePath(FastPath):
     def rendering(self, transaction: Transaction) -> Rendering:
         """See ``FastPath``."""
         assert transaction.target is not None
-        nominal_words, corrected_words, corrected_counts, _, steady = transaction.target
+        target, steady = transaction.target, transaction.target.steady
         move = None if steady is None else self._axis.compensation.move_of(steady)
-        return Rendering(self._number, nominal_words, corrected_words, corrected_counts, move)
+        return Rendering(
+            self._number, target.nominal_words, target.corrected_words, target.corrected_counts, move
+        )
 
     def rewriting(self, transaction: Transaction) -> Rewriting:
         """See ``FastPath``."""
@@ -295,7 +298,7 @@ class WritePath(FastPath):
         written = rewriting.of(self._axis)
         written.targets.append(rendering)
         written.parts.append(Part(self._image, -1, b""))
-        written.epochs[self._number] = transaction.target[3]
+        written.epochs[self._number] = transaction.target.epoch
         rewriting.complete()
         return rewriting
 

@@ -63,7 +63,7 @@ class Both:
             self.happens(between, corrected_counts)
             self.run.commit(theirs, corrected_counts, is_reached=is_reached)
         else:
-            assert steady[1] == move.correction_counts
+            assert steady.correction_counts == move.correction_counts
             self.happens(between, corrected_counts)
             self.run.go_on(steady, corrected_counts, is_reached=is_reached)
             self.steps += 1

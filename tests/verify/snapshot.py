@@ -19,6 +19,7 @@ from typing import Any, Final, NamedTuple
 
 from gateway.compensation.axis import AxisCompensation
 from gateway.exchange.axis import transitions
+from gateway.exchange.axis.events import SteadyTarget
 from gateway.exchange.axis.registers import Completeness
 from gateway.exchange.axis.state import HOMING, Block
 from gateway.exchange.axis.transitions import Axis
@@ -616,9 +617,10 @@ class Lens:
         self._passing[id(each)] = (each, content)
         return self._container(each, content)
 
-    def _draft(self, draft: tuple[Any, ...]) -> Any:
-        """A target on the fast path carries the counter fourth, and the instant of its sending last."""
-        return (*map(self._of, draft[:3]), self._carried_counter(draft[3]), draft[4] is not None)
+    def _draft(self, draft: SteadyTarget) -> Any:
+        """A target on the fast path carries a counter, and the instant of its sending."""
+        said = draft.nominal_words, draft.corrected_words, draft.corrected_counts
+        return (*map(self._of, said), self._carried_counter(draft.epoch), draft.steady is not None)
 
     def _carried_counter(self, value: Any) -> Any:
         self._is_timed = True

@@ -183,9 +183,26 @@ class Staging(NamedTuple):
     """Of the field, when it was sent."""
 
 
-SteadyTarget = tuple[bytes, bytes, Counts, int, SteadyMove | None]
-"""A target on the fast path: nominal and corrected words, corrected counts, epoch of its field when it was
-sent, and what accepting it means (None for a repeat). A plain tuple: one is made for each setpoint."""
+class SteadyTarget:
+    """A target on the fast path."""
+
+    __slots__ = ("corrected_counts", "corrected_words", "epoch", "nominal_words", "steady")
+
+    def __init__(
+        self,
+        nominal_words: bytes,
+        corrected_words: bytes,
+        corrected_counts: Counts,
+        epoch: int,
+        steady: SteadyMove | None,
+    ) -> None:
+        self.nominal_words = nominal_words
+        self.corrected_words = corrected_words
+        self.corrected_counts = corrected_counts
+        self.epoch = epoch
+        """Of its field, when it was sent."""
+        self.steady = steady
+        """What accepting it means; None: it is a repeat."""
 
 
 class Part(NamedTuple):

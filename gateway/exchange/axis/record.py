@@ -203,8 +203,7 @@ class Record:
         if not (self._goes_on(axis) and -LARGEST_COUNTS <= corrected_counts <= LARGEST_COUNTS):
             return False
         compensation = axis.compensation
-        nominal_counts, _, position, extreme, at_ns, _, _ = steady
-        going = (nominal_counts, corrected_counts, position, extreme, at_ns)
+        going = (steady.nominal_counts, corrected_counts, steady.position, steady.extreme, steady.now_ns)
         self._slots.write_step(compensation.step, going)
         self._step = (compensation.steps, True)
         return True

@@ -623,11 +623,10 @@ class Axis(AxisState):
 
         It is rendered when it ends in another way than it usually does (:meth:`name_pending`).
         """
-        _, _, corrected_counts, _, steady = target
-        record = self.record
+        record, steady = self.record, target.steady
         if record is None or steady is None:
             return True  # a repeat changes nothing
-        if self.pending is not None or not record.keep_step(self, steady, corrected_counts):
+        if self.pending is not None or not record.keep_step(self, steady, target.corrected_counts):
             return False
         self.on_wire = OnWire.TARGET
         return True
@@ -668,15 +667,14 @@ class Axis(AxisState):
 
     def acknowledge_steady(self, number: int, target: SteadyTarget, now_ns: int) -> None:
         """The same of a target on the fast path: it goes on in its direction, or is a repeat."""
-        nominal_words, corrected_words, corrected_counts, epoch, steady = target
-        self.fields[number].settle(nominal_words, corrected_words, epoch)
+        self.fields[number].settle(target.nominal_words, target.corrected_words, target.epoch)
         self.heard_ns = now_ns
-        compensation = self.compensation
+        compensation, steady = self.compensation, target.steady
         if steady is None:
             compensation.touch(now_ns)
             return
         was_seen = compensation.is_seen
-        compensation.go_on(steady, corrected_counts, is_reached=self.whereabouts is _ARRIVED)
+        compensation.go_on(steady, target.corrected_counts, is_reached=self.whereabouts is _ARRIVED)
         self._set_out(number, now_ns, was_seen=was_seen)
 
     def go(self, rendering: Rendering, move: Move, now_ns: int) -> None:
