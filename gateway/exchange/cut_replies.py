@@ -128,8 +128,11 @@ class ReplyJudge(Judge):
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """See ``Judge``."""
-        known_by = FUNCTION_KNOWN if isinstance(self._transaction.path, WritePath) else COUNT_KNOWN
+        path = self._transaction.path
+        known_by = FUNCTION_KNOWN if isinstance(path, WritePath) else COUNT_KNOWN
         if len(begun) < known_by or not self._may_lead():
+            return None
+        if isinstance(path, ReadPath) and not path.is_sure:
             return None
         return self._replies.opening(self._transaction)
 

@@ -111,15 +111,24 @@ class ReadPath(FastPath):
         """Where in the PDU of a reply each position begins and ends."""
         return tuple((read.start, read.end) for read in self._reads)
 
+    @property
+    def is_sure(self) -> bool:
+        """Whether no position that it reads may prove something, and be turned back otherwise for that."""
+        for read in self._reads:
+            record = read.axis.record
+            if read.axis.unproven is not None or (record is not None and record.recalled is not None):
+                return False
+        return True
+
     def turned(self, transaction: Transaction, which: int, words: bytes) -> bytes | None:
         """Return what ``answered`` would make of the words of one position; None: that cannot be said yet.
 
         Nothing is changed by it.
         """
+        if not self.is_sure:
+            return None
         axis, role, _, number, field, _, _ = self._reads[which]
-        readback, record = transaction.readbacks[which], axis.record
-        if axis.unproven is not None or (record is not None and record.recalled is not None):
-            return None  # the reading itself may prove something, and be turned back otherwise
+        readback = transaction.readbacks[which]
         if readback is None:
             return words
         try:

@@ -161,7 +161,7 @@ def test_the_reply_to_what_went_the_slow_path_is_stored() -> None:
     assert (transaction.path, cut.state) == (None, Cut.STORED)
 
 
-def test_a_reading_that_may_prove_a_target_is_not_turned_back_before_it_is_whole() -> None:
+def test_a_reading_that_may_prove_a_target_is_stored() -> None:
     way = Way()
     way.settle()
     way.ask(read(COMMAND))
@@ -171,5 +171,4 @@ def test_a_reading_that_may_prove_a_target_is_not_turned_back_before_it_is_whole
     assert words is not None
     axis.unproven = Rendering(0, words, b"\0\0\0\1", 1.0, None)
     play(cut, characters(append_crc(b"\x01" + way.bench.memory.answer(read(COMMAND)))))
-    assert (cut.state, way.turns[-1]) == (Cut.SPOILT, Turn.REFUSED)
-    assert len(cut.left) == reply_shape(2, [(0, 2)]).length
+    assert (cut.state, way.turns[-1], cut.left) == (Cut.STORED, Turn.KEPT, b"")
