@@ -100,6 +100,8 @@ class Replies:
         path = transaction.path
         if isinstance(path, WritePath):
             expected = path.echo
+        elif isinstance(path, ReadPath) and not path.is_ready:
+            return None
         else:
             expected = self._passed.get((transaction.unit_id, transaction.pdu), b"")
         filler = bytes((transaction.unit_id,)) + expected

@@ -111,15 +111,27 @@ class ReadPath(FastPath):
         """Where in the PDU of a reply each position begins and ends."""
         return tuple((read.start, read.end) for read in self._reads)
 
+    @property
+    def is_ready(self) -> bool:
+        """Whether a position in a reply says no more than itself, and may be turned back before all has come.
+
+        A reading may prove a target, or what the run before has left, and is turned back otherwise then.
+        """
+        for read in self._reads:
+            record = read.axis.record
+            if read.axis.unproven is not None or (record is not None and record.recalled is not None):
+                return False
+        return True
+
     def turned(self, transaction: Transaction, which: int, words: bytes) -> bytes | None:
         """Return what ``answered`` would make of the words of one position; None: that cannot be said yet.
 
         Nothing is changed by it.
         """
         axis, role, _, number, field, _, _ = self._reads[which]
-        readback, record = transaction.readbacks[which], axis.record
-        if axis.unproven is not None or (record is not None and record.recalled is not None):
-            return None  # the reading itself may prove something, and be turned back otherwise
+        readback = transaction.readbacks[which]
+        if not self.is_ready:
+            return None
         if readback is None:
             return words
         try:
