@@ -197,6 +197,33 @@ def test_each_drive_and_each_serial_port_says_how_well_it_is_heard() -> None:
     assert of(found, "controller_damaged_frames_total", **plc) == 12
 
 
+def test_a_line_that_cuts_through_says_what_was_stored_and_spoilt_and_why() -> None:
+    requests = {"cut_through": 90, "gain_us": 8, "stored": {"kept": 7, "stalled": 1}, "spoilt": {"bad": 2}}
+    replies = {"cut_through": 80, "gain_us": 5, "stored": {"kept": 17}, "spoilt": {}}
+    cuts = {"requests": requests, "replies": replies, "torn": 3}
+    found = samples(model(snapshot(line={"cut_through": cuts})))
+    assert {
+        key: value for key, value in found.items() if key[0].startswith("pitch_gateway_line_frames_")
+    } == {
+        ("pitch_gateway_line_frames_cut_through_total", (("frames", "requests"), ("line", "xyz"))): 90,
+        ("pitch_gateway_line_frames_cut_through_total", (("frames", "replies"), ("line", "xyz"))): 80,
+        **{
+            (
+                f"pitch_gateway_line_frames_{what}_total",
+                (("frames", frames), ("line", "xyz"), ("why", why)),
+            ): count
+            for what, frames, why, count in (
+                ("stored", "requests", "kept", 7),
+                ("stored", "requests", "stalled", 1),
+                ("stored", "replies", "kept", 17),
+                ("spoilt", "requests", "bad", 2),
+            )
+        },
+        ("pitch_gateway_line_frames_torn_total", (("line", "xyz"),)): 3,
+    }
+    assert not [key for key in samples(model()) if key[0].startswith("pitch_gateway_line_frames_")]
+
+
 def test_names_are_as_prometheus_wants_them() -> None:
     found = families(with_terms())
     assert len(found) > 37
