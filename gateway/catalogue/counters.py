@@ -197,8 +197,8 @@ OTHERS: Final = (
     CounterEntry(
         "stored",
         "stored",
-        "of a line with `cut_through` those that were stored whole before they left, and why: `kept` for what "
-        "is never cut through, or was whole too soon, else what happened before the first byte left",
+        "of a line with `cut_through` those that were stored whole before they left, and why: `kept` for "
+        "what is never cut through, or was whole too soon, else what happened before the first byte left",
         "compare with `pitch-gateway budget CONFIG`; `cut-through-off` in the log names the adapter",
     ),
     CounterEntry(
