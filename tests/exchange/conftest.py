@@ -6,7 +6,14 @@ import pytest
 
 from tests.exchange.line_bench import Arrival, Bench
 
-OWN_LINES: Final = ("test_cut_", "test_fast_path", "test_terms_against", "test_streams_with_terms")
+OWN_LINES: Final = (
+    "test_cut_",
+    "test_fast_path",
+    "test_relative_moves_for_long",
+    "test_streams_with",
+    "test_terms_",
+    "test_thermal",
+)
 """Modules that put lines of their own together, or work out whole streams for minutes."""
 
 

@@ -9,7 +9,7 @@ from gateway.compensation.settings import AxisSettings, Setpoints
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.cut_line import RequestCutter, Wire
-from gateway.exchange.events import Event
+from gateway.exchange.events import Event, EventKind
 from gateway.exchange.leads import (
     LEARNED_AFTER,
     Piece,
@@ -335,8 +335,8 @@ class Bench:
         return ACTUAL.unpack(self.ask(read(ACTUAL))[2:])
 
     def kinds(self) -> list[str]:
-        """Names of the events so far."""
-        return [event.kind.value for event in self.events]
+        """Names of the events so far, but of that one which says that frames come at once."""
+        return [event.kind.value for event in self.events if event.kind is not EventKind.CUT_THROUGH_OFF]
 
 
 def _pieces(shape: Shape) -> list[Piece]:
