@@ -212,8 +212,6 @@ class RequestCutter:
         cut = self._cut
         if cut is None:
             return False
-        if cut.state is Cut.BEGUN and cut.pieces and silent_ns > self._stall_ns:
-            cut.end(Turn.STALLED, now_ns)
         was, was_known = cut.state, cut.arrival.known
         out = cut.feed(data, now_ns)
         if was_known is not Known.GOOD and cut.arrival.known is Known.GOOD:

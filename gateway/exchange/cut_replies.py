@@ -100,8 +100,6 @@ class Replies:
         path = transaction.path
         if isinstance(path, WritePath):
             expected = path.echo
-        elif isinstance(path, ReadPath) and not path.is_ready:
-            return None
         else:
             expected = self._passed.get((transaction.unit_id, transaction.pdu), b"")
         filler = bytes((transaction.unit_id,)) + expected
@@ -130,8 +128,11 @@ class ReplyJudge(Judge):
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """See ``Judge``."""
-        known_by = FUNCTION_KNOWN if isinstance(self._transaction.path, WritePath) else COUNT_KNOWN
+        path = self._transaction.path
+        known_by = FUNCTION_KNOWN if isinstance(path, WritePath) else COUNT_KNOWN
         if len(begun) < known_by or not self._may_lead():
+            return None
+        if isinstance(path, ReadPath) and not path.is_sure:
             return None
         return self._replies.opening(self._transaction)
 

@@ -320,6 +320,8 @@ class CutThrough:
 
     def feed(self, data: bytes, now_ns: int) -> bytes:
         """Take bytes that came, of this frame and behind it; return those that leave now."""
+        if self._stands_still(now_ns):
+            self._go_on(Turn.STALLED)
         due = self.tick(now_ns)
         has_more = self._take(data, now_ns) < len(data)
         if self.is_over:
@@ -350,6 +352,11 @@ class CutThrough:
         return self._write(filling, now_ns)
 
     # --- steps -----------------------------------------------------------------------------------------
+
+    def _stands_still(self, now_ns: int) -> bool:
+        """Whether nothing of it has left and its bytes come too late: its lead counts from the first one."""
+        has_begun = self.state is Cut.BEGUN and bool(self.pieces)
+        return has_begun and now_ns - self._last_came_ns > self._pace.stall_ns
 
     def _take(self, data: bytes, now_ns: int) -> int:
         taken = self.arrival.feed(data)
@@ -384,7 +391,7 @@ class CutThrough:
         if self.arrival.is_over:
             self._go_on(Turn.KEPT)
             return False
-        if now_ns - self._last_came_ns >= self._pace.stall_ns:
+        if self._stands_still(now_ns):
             self._go_on(Turn.STALLED)  # it would have to be spoilt as soon as it had begun
             return False
         # Each time anew: what it was expected to be before its lead was over may be another thing now.

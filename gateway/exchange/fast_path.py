@@ -112,11 +112,8 @@ class ReadPath(FastPath):
         return tuple((read.start, read.end) for read in self._reads)
 
     @property
-    def is_ready(self) -> bool:
-        """Whether a position in a reply says no more than itself, and may be turned back before all has come.
-
-        A reading may prove a target, or what the run before has left, and is turned back otherwise then.
-        """
+    def is_sure(self) -> bool:
+        """Whether no position that it reads may prove something, and be turned back otherwise for that."""
         for read in self._reads:
             record = read.axis.record
             if read.axis.unproven is not None or (record is not None and record.recalled is not None):
@@ -128,10 +125,10 @@ class ReadPath(FastPath):
 
         Nothing is changed by it.
         """
+        if not self.is_sure:
+            return None
         axis, role, _, number, field, _, _ = self._reads[which]
         readback = transaction.readbacks[which]
-        if not self.is_ready:
-            return None
         if readback is None:
             return words
         try:

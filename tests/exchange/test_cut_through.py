@@ -80,10 +80,18 @@ def test_an_acknowledgement_is_two_characters_behind_itself() -> None:
 
 
 def test_a_frame_that_comes_whole_before_its_lead_is_over_is_stored() -> None:
-    cut, judge, turns = write()
+    cut, judge, turns = write(stall_ns=4000)
     assert play(cut, [(1000, WRITE[:9]), (4000, WRITE[9:])], 20000) == []
     assert (cut.state, turns, judge.committed) == (Cut.STORED, [Turn.KEPT], [])
     assert cut.arrival.known is Known.GOOD
+
+
+def test_a_frame_that_stood_still_before_anything_of_it_left_is_stored() -> None:
+    # Two bytes do not say yet what it is. When more come its lead is over: it counts from the first of them.
+    cut, _, turns = write()
+    pieces = [(1000, WRITE[:2]), (90000, WRITE[2:9]), (91000, WRITE[9:11]), (92000, WRITE[11:])]
+    assert play(cut, pieces, 99000) == []
+    assert (cut.state, turns, cut.arrival.known) == (Cut.STORED, [Turn.STALLED], Known.GOOD)
 
 
 def test_lumps_leave_as_far_as_they_may_when_the_lead_is_over() -> None:

@@ -44,7 +44,7 @@ def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[
         *_registers(small, small_staged, plan, staged),
         *_functions(small, small_staged, plan),
         *_wires(small, small_staged, plan),
-        *_cut_through(small, small_staged, plan),
+        *_cut_through(small, small_staged, plan, staged),
         *_lines(small, small_staged, plan, staged),
     )
 
@@ -323,9 +323,108 @@ def _leaves(name: str, *before: Happening) -> tuple[Happening, ...]:
 
 REFUSED: Final = (*SEEN_THERE, ("half", 0, "to", 0, 1), ("lead",), ("more",), ("tail",), ("wait",))
 """What its words tell is that the axis turns round: the frame is spoilt, and leaves stored."""
+CHANGED: Final = (
+    *(*SEEN_THERE, ("half", 0, "to", 0, 0), ("lead",), ("more",), ("table",)),
+    *(("tail",), ("wait",), ("drive", "ack")),
+)
+"""What has left is not what would be sent by now: the frame is spoilt, and leaves stored."""
+TAIL: Final = ("reply_tail",)
+ODDLY_ACKNOWLEDGED: Final = (
+    *(*SEEN_THERE, ("ask", 0, "to", 0, 0), ("split", "garble")),
+    *(("reply_lead",), TAIL),
+)
+"""A drive acknowledges other registers than were written: of what has left nothing is right."""
 
 
-def _cut_through(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, ...]:
+def _comes_back(name: str, *before: Happening) -> tuple[Happening, ...]:
+    """Let a reply leave in pieces."""
+    target = (0,) if name == "to" else ()
+    return (
+        *(*before, ("ask", 0, name, 0, *target), ("split",)),
+        *(("reply_lead",), ("reply_more",), ("reply_tail",)),
+    )
+
+
+def _replies_cut_through(small: Make, small_staged: Make) -> tuple[Design, ...]:
+    """Replies that leave while they arrive, and what may come between."""
+    both: dict[str, Any] = {
+        "menu": ("to", "read"),
+        "targets": (9007,),
+        "ways": (_comes_back("to", *SEEN_THERE), _comes_back("read", *SEEN_THERE)),
+        **CUT_UP,
+    }
+    return (
+        small(
+            "b-rtu-cut-back",
+            "replies leave while they arrive, and may come too slowly for that",
+            **both | {"happenings": ("arrive", "wait", "split")},
+        ),
+        small(
+            "b-rtu-cut-back-silent",
+            "the same: a silence in the middle, which ends them",
+            **both | {"happenings": ("arrive", "wait", "split", "silence")},
+        ),
+        small(
+            "b-rtu-cut-back-bad",
+            "the same of reads: bad check sums, and silences in the middle",
+            **both
+            | {
+                "menu": ("read", "status"),
+                "happenings": ("wait", "split", "reply_bad", "silence"),
+                "ways": (_comes_back("read", *ask("read")), _comes_back("status", *ask("status"))),
+            },
+        ),
+        small(
+            "b-rtu-cut-back-odd",
+            "the same: refusals, and acknowledgements of other registers",
+            **both
+            | {
+                "happenings": ("arrive", "wait", "split", "split_odd"),
+                "ways": (ODDLY_ACKNOWLEDGED, (*SEEN_THERE, ("ask", 0, "read", 0), ("split", "refuse"), TAIL)),
+            },
+        ),
+        small(
+            "b-rtu-cut-back-again",
+            "the same: its controller asks again before it has its answer",
+            **both | {"happenings": ("arrive", "wait", "split", "again")},
+        ),
+        small(
+            "b-rtu-cut-back-link",
+            "the same: the port of its controller, or the way to the drives, is lost meanwhile",
+            **both | {"happenings": ("arrive", "wait", "split", "silence", "disconnect", "unplug", "plug")},
+        ),
+        small(
+            "b-rtu-cut-back-changes",
+            "the same: another table, or off and on, meanwhile",
+            **both | {"happenings": ("arrive", "wait", "split", "table", "switch")},
+        ),
+        small(
+            "b-rtu-cut-back-killed",
+            "the same: the gateway is killed meanwhile",
+            **both | {"happenings": ("arrive", "wait", "split", "kill"), "has_record": True},
+        ),
+        small_staged(
+            "b-rtu-cut-back-stop",
+            "the same: another controller stops the axis, or reads, meanwhile",
+            menu=("read", "stop"),
+            happenings=("wait", "split"),
+            ways=(_comes_back("read", *ask("read")),),
+            **CUT_UP | {"controllers": TWO_SERIAL},
+        ),
+        small(
+            "b-rtu-cut-both",
+            "requests and replies of reads leave while they arrive",
+            **both
+            | {
+                "menu": ("read", "status"),
+                "happenings": ("wait", "half", "split"),
+                "ways": ((*_leaves("read", *ask("read"))[:-1], *_comes_back("read")[1:]),),
+            },
+        ),
+    )
+
+
+def _cut_through(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[Design, ...]:
     """Requests that leave while they arrive, and what may come between."""
     both: dict[str, Any] = {
         "menu": ("to", "read"),
@@ -363,7 +462,11 @@ def _cut_through(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, .
         small(
             "b-rtu-cut-changes",
             "the same: another table, or off and on, meanwhile",
-            **both | {"happenings": ("arrive", "wait", "half", "table", "switch")},
+            **both
+            | {
+                "happenings": ("arrive", "wait", "half", "table", "switch"),
+                "ways": (*both["ways"], CHANGED),
+            },
         ),
         small(
             "b-rtu-cut-killed",
@@ -378,6 +481,19 @@ def _cut_through(small: Make, small_staged: Make, plan: Plan) -> tuple[Design, .
             ways=(_leaves("read", *ask("read")),),
             **CUT_UP | {"controllers": TWO_SERIAL},
         ),
+        small(
+            "b-rtu-cut-beside",
+            "the same of a target and of reads: another controller stops another axis meanwhile",
+            plan(),
+            staged(name="y", unit_id=2),
+            **both
+            | {
+                "menu": ("to", "read", "stop"),
+                "happenings": ("arrive", "wait", "half"),
+                "controllers": TWO_SERIAL,
+            },
+        ),
+        *_replies_cut_through(small, small_staged),
     )
 
 

@@ -54,7 +54,7 @@ class Outcome:
     without_way_back: int = 0
     broken: list[Broken] = field(default_factory=list)
     met: dict[str, int] = field(default_factory=dict)
-    """Events of the gateway, refusals and rows of the table of whereabouts."""
+    """Events of the gateway, refusals, rows of the table of whereabouts, ends of what was cut through."""
     stop_ticks: int = 0
 
     def add(self, other: "Outcome") -> None:
@@ -275,6 +275,7 @@ class Walk:
         outcome.met = dict.fromkeys((f"event {each}" for each in sorted(tally.events)), 1)
         outcome.met |= dict.fromkeys((f"exception {each:#04x}" for each in sorted(tally.refusals)), 1)
         outcome.met |= dict.fromkeys((f"row {each}" for each in sorted(tally.rows)), 1)
+        outcome.met |= dict.fromkeys((f"cut {each}" for each in sorted(tally.cuts)), 1)
 
 
 def replay(design: Design, trace: tuple[Happening, ...]) -> Iterator[str]:

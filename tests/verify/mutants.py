@@ -45,6 +45,7 @@ EXAMPLES: Final = """examples:
   python -m tests.verify.mutants --sample 90 --seed 1 --json build/mutants.json
   python -m tests.verify.mutants gateway/exchange/axis/registers.py
   python -m tests.verify.mutants gateway/exchange/answers.py --every 3
+  python -m tests.verify.mutants gateway/exchange/cut_through.py --worlds b-rtu-cut-to b-rtu-cut-back
   python -m tests.verify.mutants gateway/exchange/axis/transitions.py --list
 """
 OTHER_COMPARISON: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
@@ -62,7 +63,9 @@ ENUMS: Final = (
     "Block",
     "BlockEvent",
     "Completeness",
+    "Cut",
     "Happening",
+    "Known",
     "OnWire",
     "Outcome",
     "Phase",
@@ -71,6 +74,7 @@ ENUMS: Final = (
     "Said",
     "Stopping",
     "Switched",
+    "Turn",
     "Whereabouts",
 )
 """Names of enums whose members are taken for each other."""

@@ -117,6 +117,7 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "_drained_at_last_ns": lambda each: each.is_draining,
     "_steady_map": lambda each: each.is_steady,
     "_last_byte_ns": lambda each: each._buffer,
+    "_is_behind_frame": lambda each: each._buffer,
     "_last_ns": lambda each: each._cut is not None and each._cut.state is Cut.BEGUN,
     "_now_ns": lambda each: not isinstance(each, RequestCutter | ReplyCutter),
 }
@@ -140,6 +141,7 @@ HORIZON_TICKS: Final = {
     "seen_ns": 2,
     "silent_until_ns": 2,
     "silent_since_ns": 3,
+    "_frame_end_ns": 1,
 }
 """Ages beyond which nothing asks, where that is earlier than the horizon of the world, in its ticks."""
 LIVE_COUNTERS: Final = ("epoch", "blocked_in_epoch")

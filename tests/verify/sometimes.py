@@ -2,17 +2,27 @@
 
 A rule that was never put to the test proves nothing. So each row of the tables of whereabouts, reference and
 block is either met, or stands below with the reason why no world reaches it; the same holds for the events of
-the exchange and the exceptions that a controller may be answered.
+the exchange, the exceptions that a controller may be answered, and the ends of what is cut through.
 """
 
 from collections.abc import Collection
 from typing import Final
 
 from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.cut_through import Turn
 from gateway.exchange.events import EventKind
 from tests.verify.snapshot import all_rows
 
 EXCEPTIONS: Final = (1, 4, 6, 0x0A, 0x0B)
+CUT_REQUESTS: Final = frozenset(Turn) - {Turn.OPENED, Turn.FITTED, Turn.JUDGED, Turn.KEPT}
+CUT_REPLIES: Final = CUT_REQUESTS - {Turn.OVERTAKEN, Turn.MET, Turn.UNFIT, Turn.REFUSED}
+"""Nothing overtakes a reply or meets it, its head is known before it begins, and it can be turned back."""
+CUT_ENDS: Final = frozenset(
+    f"cut {name} {turn.value}"
+    for name, turns in (("request", CUT_REQUESTS), ("reply", CUT_REPLIES))
+    for turn in turns
+)
+"""How what has left in part while it arrived can end (W12)."""
 NEVER: Final = "what comes before it in the code leaves that place: the table has the row for completeness"
 NO_WAY: Final = "no world has a way there yet"
 _ALL: Final = {each.value for each in Whereabouts}
@@ -68,5 +78,5 @@ def missing(met: Collection[str]) -> list[str]:
     """Return what should have been met and was not."""
     wanted = {f"row {name}" for name in all_rows()}
     wanted |= {f"event {kind.value}" for kind in EventKind}
-    wanted |= {f"exception {code:#04x}" for code in EXCEPTIONS}
+    wanted |= {f"exception {code:#04x}" for code in EXCEPTIONS} | CUT_ENDS
     return sorted(wanted - set(met) - set(NOT_MET))

@@ -1,16 +1,19 @@
-"""A request that leaves while it arrives, and what may come between, from each state on its way."""
+"""A request or reply that leaves while it arrives, and what may come between, from each state on its way."""
 
 from collections.abc import Sequence
+from typing import Final
 
 import pytest
 
 from gateway.exchange.cut_through import Turn
 from tests.verify.designs import BY_NAME
-from tests.verify.designs_frames import SEEN_THERE
+from tests.verify.designs_frames import ODDLY_ACKNOWLEDGED, SEEN_THERE, TAIL
+from tests.verify.designs_rules import ask
 from tests.verify.errors import BrokenRuleError
 from tests.verify.explore import Walk
+from tests.verify.sometimes import CUT_ENDS
 from tests.verify.test_verify import ACK, PLAIN
-from tests.verify.wires_cut import CutPipe, CutWorld
+from tests.verify.wires_cut import CutPipe, CutSide, CutWorld
 from tests.verify.world import Happening
 
 pytestmark = PLAIN
@@ -38,6 +41,13 @@ def ends_of(world: CutWorld) -> set[Turn]:
     cuts = world.sides[0].line.cuts
     assert cuts is not None
     return {turn for turn, count in cuts.requests.items() if count and turn is not Turn.KEPT}
+
+
+def ends_of_replies(world: CutWorld) -> set[Turn]:
+    """The same of replies."""
+    cuts = world.sides[0].line.cuts
+    assert cuts is not None
+    return {turn for turn, count in cuts.replies.items() if count and turn is not Turn.KEPT}
 
 
 @pytest.mark.parametrize("steps", [LED, LEAVING], ids=["led", "leaving"])
@@ -89,9 +99,114 @@ def test_a_gateway_that_is_killed_leaves_nothing_behind_that_could_be_a_frame(
     assert ends_of(world) == set()
 
 
-@pytest.mark.parametrize("name", WORLDS)
-def test_no_rule_is_broken_on_its_ways(name: str) -> None:
-    assert Walk(BY_NAME[name]).along().broken == []
+@pytest.mark.parametrize("steps", [LED, LEAVING], ids=["led", "leaving"])
+def test_a_stop_of_another_axis_spoils_a_target_that_leaves_and_goes_first(
+    steps: Sequence[Happening],
+) -> None:
+    stop = ("ask", 1, "stop", 1)
+    before = (*SEEN_THERE, ("half", 0, "to", 0, 0), *steps, stop)
+    world = let_happen("b-rtu-cut-beside", (*before, ("tail",)))
+    assert world.state.wire is None  # a silence of three times 3.5 characters comes first
+    world = let_happen("b-rtu-cut-beside", (*before, ("tail",), ("wait",)))
+    assert world.state.wire is not None
+    assert (world.state.wire.unit_id, world.state.wire.pdu) == (2, world.pdu("stop"))
+    assert ends_of(world) == {Turn.OVERTAKEN}
+    world.happen(ACK)
+    assert world.state.wire is not None  # all of the target came: it is a request as any other
+    assert world.state.wire.pdu.hex(" ") == "10 06 06 00 02 04 23 d4 00 00"
+
+
+def test_a_target_with_another_head_than_was_expected_is_spoilt() -> None:
+    before = (*SEEN_THERE, ("half", 0, "to", 0, 0), *LED)
+    world = let_happen(
+        "b-rtu-cut-to", (*before, ("tail_odd",), ("ask", 0, "read", 0), ("wait",), ("settle",))
+    )
+    assert ends_of(world) == {Turn.UNFIT}
+
+
+COMING: Final = (("split",), ("reply_lead",))
+COME: Final = (*COMING, ("reply_more",))
+
+
+@pytest.mark.parametrize("steps", [COMING, COME], ids=["led", "leaving"])
+@pytest.mark.parametrize("asked", [("ask", 0, "to", 0, 0), ("ask", 0, "read", 0)], ids=["to", "read"])
+@pytest.mark.parametrize(
+    ("name", "then", "end"),
+    [
+        ("b-rtu-cut-back", (TAIL,), Turn.COMMITTED),
+        ("b-rtu-cut-back-bad", (("reply_bad",), ("wait",)), Turn.BAD),
+        ("b-rtu-cut-back", (("reply_stall",), TAIL), Turn.STALLED),
+        ("b-rtu-cut-back-silent", (("wait",), TAIL), Turn.STALLED),
+        ("b-rtu-cut-back-again", (("ask", 0, "read", 0), TAIL, ("settle",)), Turn.ANEW),
+        ("b-rtu-cut-back-link", (("disconnect", 0), TAIL), Turn.LOST),
+        ("b-rtu-cut-back-link", (("unplug",), ("plug",)), Turn.GONE),
+    ],
+)
+def test_a_reply_that_leaves_ends_as_it_should_from_each_state(
+    name: str, asked: Happening, steps: Sequence[Happening], then: Sequence[Happening], end: Turn
+) -> None:
+    before = SEEN_THERE
+    if name.endswith("bad"):
+        before, asked = (
+            (*ask("read"), *ask("status")),
+            asked if asked[2] == "read" else ("ask", 0, "status", 0),
+        )
+    world = let_happen(name, (*before, asked, *steps, *then))
+    assert ends_of_replies(world) == {end}
+    assert not world.is_replying
+
+
+@pytest.mark.parametrize("steps", [COMING, COME], ids=["led", "leaving"])
+def test_a_stop_waits_for_a_reply_that_leaves(steps: Sequence[Happening]) -> None:
+    before = (("ask", 0, "read", 0), ACK, ("ask", 0, "read", 0), *steps, ("ask", 1, "stop", 0))
+    world = let_happen("b-rtu-cut-back-stop", (*before, TAIL))
+    assert world.state.wire is not None
+    assert world.state.wire.pdu == world.pdu("stop")
+    assert ends_of_replies(world) == {Turn.COMMITTED}
+
+
+def test_an_acknowledgement_of_other_registers_is_spoilt_where_bytes_of_it_have_left() -> None:
+    world = let_happen("b-rtu-cut-back-odd", ODDLY_ACKNOWLEDGED)
+    assert ends_of_replies(world) == {Turn.CHANGED}
+
+
+@pytest.mark.parametrize("first", ["02 03 04 23", "01 04 04 23", "01 03 06 23", "01 83 04 40"])
+def test_what_begins_as_no_reply_to_what_was_asked_never_begins_to_leave(first: str) -> None:
+    world = let_happen("b-rtu-cut-back", (*SEEN_THERE, ("ask", 0, "read", 0)))
+    side = world.sides[0]
+    assert isinstance(side, CutSide)
+    kept = side.cuts.replies_stored[Turn.KEPT]
+    side.hear(bytes.fromhex(first), world.now_ns)
+    assert (side.cuts.replies_stored[Turn.KEPT], side.cuts.reply.deadline_ns) == (kept + 1, None)
+
+
+def test_a_reply_that_leaves_ends_although_its_controller_begins_another_request() -> None:
+    world = let_happen("b-rtu-cut-back", (*SEEN_THERE, ("ask", 0, "read", 0), *COME))
+    side = world.sides[0]
+    assert isinstance(side, CutSide)
+    side.feed(0, bytes.fromhex("01 03 05 20"), world.now_ns)
+    world.happen(TAIL)
+    assert ends_of_replies(world) == {Turn.COMMITTED}
+    side.feed(0, bytes.fromhex("00 02 C5 0D"), world.now_ns)
+    assert side.link.sent == [(1, bytes.fromhex("03 05 20 00 02"))]
+
+
+def test_a_refusal_is_stored() -> None:
+    asked = (*SEEN_THERE, ("ask", 0, "read", 0), ("split", "refuse"))
+    world = let_happen("b-rtu-cut-back-odd", asked)
+    assert ("reply_lead",) not in world.happenings()
+    world.happen(TAIL)
+    assert ends_of_replies(world) == set()
+    assert world.tally.refusals == {4}
+
+
+def test_no_rule_is_broken_on_the_ways_of_any_world_and_all_ends_are_met() -> None:
+    met: set[str] = set()
+    for name in WORLDS:
+        walk = Walk(BY_NAME[name])
+        assert (name, walk.along().broken) == (name, [])
+        met |= {f"cut {each}" for each in walk.world.tally.cuts}
+    assert met == CUT_ENDS
 
 
 def heard(*pieces: str) -> list[bytes]:

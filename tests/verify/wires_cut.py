@@ -1,31 +1,44 @@
-"""Worlds in which a request leaves while it arrives: the real cutters on the real ports, bytes in pieces.
+"""Worlds in which requests and replies leave while they arrive: the real cutters, bytes in pieces.
 
 What is abstracted, beside what :mod:`tests.verify.wires_rtu` says: the pieces of a frame come at one instant,
 and the lead of its first byte is 1 ns. So each piece comes before the lead is over or after it, as the world
 has it, and in time unless the world lets the cutter's deadline pass (``stall``). What ports need is not
 learned, and whether it pays is not weighed: both would go on for ever.
 
-A witness on the wire of the drives (:class:`CutPipe`) takes apart what leaves, and knows nothing of cutters.
+A witness on each wire (:class:`CutPipe`) takes apart what leaves, and knows nothing of cutters.
+
+A controller whose reply was spoilt has heard nothing, and gives its request up; the gateway counts the reply.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
-from gateway.exchange.cut_line import Pauses, RequestCutter
+from gateway.exchange.cut_line import CutLine, Pauses, RequestCutter
 from gateway.exchange.cut_line import Wire as LineWire
 from gateway.exchange.cut_replies import Replies
 from gateway.exchange.cut_requests import Heads
+from gateway.exchange.cut_through import Cut, Turn
 from gateway.exchange.events import Event
-from gateway.exchange.leads import MeasuredLead, Piece, Shape, read_shape, write_shape
+from gateway.exchange.leads import (
+    MeasuredLead,
+    Piece,
+    Shape,
+    acknowledgement_shape,
+    read_shape,
+    reply_shape,
+    write_shape,
+)
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort
-from gateway.exchange.transaction import Phase
+from gateway.exchange.transaction import Phase, Transaction
 from gateway.modbus.crc import INTACT, INVERTED, SEAM, residue_after
+from gateway.modbus.pdu import EXCEPTION_BIT
 from gateway.modbus.rtu import encode_rtu
+from tests.verify import rules
 from tests.verify.errors import BrokenRuleError
 from tests.verify.snapshot import Lens, on_its_way
 from tests.verify.wires_rtu import CUT, Instant, RtuSide, RtuWorld, WirePipe
-from tests.verify.world import TAKES_TIME, TICK_NS, TIMING, Design, Happening, Wire
+from tests.verify.world import EXCEPTION, TAKES_TIME, TICK_NS, TIMING, Design, Happening, Wire
 
 CHAR_NS: Final = 200_000
 DRIVES: Final = LineWire(CHAR_NS, 1_750_000)
@@ -35,10 +48,17 @@ LEAD_NS: Final = 1
 DATA: Final = 11
 """So many bytes of a write have come when its position is whole; of a read all but its check sum, nearly."""
 BLOCK: Final = 0x10
-QUIET: Final = ("half", "lead", "more", "stall", "noise", "tail_bad")
-"""Events with which no request is whole: they change no axis."""
+READ: Final = 0x03
+QUIET: Final = (
+    *("half", "lead", "more", "stall", "noise", "tail_bad", "tail_odd"),
+    *("split", "reply_lead", "reply_more", "reply_stall", "reply_bad"),
+)
+"""Events with which no request and no reply is whole: they change no axis."""
+ENDS: Final = tuple(f"{name} {turn.value}" for name in ("request", "reply") for turn in Turn)
 CUTS_OFF: Final = ("unplug", "kill", "kill_bare")
-"""After these nothing of a frame follows on what has left."""
+"""After these nothing of a request follows on what has left."""
+CUTS_REPLY_OFF: Final = ("disconnect", "kill", "kill_bare")
+"""The same of a reply."""
 
 
 class SteadyLead(MeasuredLead):
@@ -71,11 +91,23 @@ class SteadyHeads(Heads):
 
 
 class SteadyReplies(Replies):
-    """Replies are stored: nobody measures how they come."""
+    """What is answered is learned as ever, but for its data, which only fill up; how it comes is known."""
+
+    def __init__(self) -> None:
+        super().__init__(CHAR_NS, CHAR_NS)
+        shapes = acknowledgement_shape(), reply_shape(1), reply_shape(2, [(0, 2)])
+        self._leads.update((shape, SteadyLead(shape)) for shape in shapes)
+
+    def note(self, transaction: Transaction, passed: bytes) -> None:
+        """See ``Replies``."""
+        super().note(transaction, passed[:2] + bytes(len(passed) - 2))
 
     def measure(self, shape: Shape, pieces: Sequence[Piece]) -> MeasuredLead:
         """See ``Replies``."""
-        return MeasuredLead(shape, CHAR_NS, CHAR_NS)
+        return self._leads[shape]
+
+    def rest(self, shape: Shape) -> None:
+        """See ``Replies``."""
 
     def forget(self) -> None:
         """Be as those of a port that has just been opened."""
@@ -103,7 +135,7 @@ class CutDoor(Instant):
         cutter = self._cutters.get(port)
         if cutter is None:
             cutter = self._cutters[port] = cuts.follow(port, wire)
-            cutter.heads, cutter.replies = SteadyHeads(), SteadyReplies(CHAR_NS, CHAR_NS)
+            cutter.heads, cutter.replies = SteadyHeads(), SteadyReplies()
             cutter._pauses = SteadyPauses(CHAR_NS)
         assert isinstance(cutter.heads, SteadyHeads)
         assert isinstance(cutter.replies, SteadyReplies)
@@ -114,8 +146,34 @@ class CutDoor(Instant):
         return cutter
 
 
+def request_length_of(frame: bytes) -> int:
+    """Return how long a request will be of which some bytes have left, as drives reckon.
+
+    >>> request_length_of(bytes.fromhex("01 03")), request_length_of(bytes.fromhex("01 10 06 06 00 02 04"))
+    (8, 13)
+    """
+    if len(frame) < 2 or frame[1] != BLOCK:
+        return 8
+    return 9 + frame[6] if len(frame) > 6 else 9
+
+
+def reply_length_of(frame: bytes) -> int:
+    """The same of a reply, as controllers reckon.
+
+    >>> [reply_length_of(bytes.fromhex(each)) for each in ("01 03", "01 03 04", "01 10 06 06", "01 83")]
+    [5, 9, 8, 5]
+    """
+    if len(frame) < 2 or frame[1] >= EXCEPTION_BIT:
+        return 5
+    if frame[1] != READ:
+        return 8
+    return 5 + frame[2] if len(frame) > 2 else 5
+
+
 class CutPipe(WirePipe):
     """The wire of the drives: each frame on it is whole, or is none and has its full length (W3)."""
+
+    length_of: Callable[[bytes], int] = staticmethod(request_length_of)
 
     def __init__(self, take: Callable[[int, int, bytes], None]) -> None:
         super().__init__(take)
@@ -131,7 +189,7 @@ class CutPipe(WirePipe):
         if self.owes_silence:
             raise BrokenRuleError(f"no silence behind a spoilt frame: {data.hex(' ')} (W12)")
         frame = self.leaving = self.leaving + data
-        residue, length = residue_after(frame), length_of(frame)
+        residue, length = residue_after(frame), self.length_of(frame)
         if len(frame) < length:
             if residue in (INTACT, SEAM):
                 raise BrokenRuleError(f"what has left may be a frame: {frame.hex(' ')} (W12)")
@@ -150,21 +208,17 @@ class CutPipe(WirePipe):
         self.owes_silence = False
 
 
-def length_of(frame: bytes) -> int:
-    """Return how long a request will be of which some bytes have left, as drives reckon.
+class ReplyPipe(CutPipe):
+    """The wire of a controller. Nothing is said at once behind a spoilt reply."""
 
-    >>> length_of(bytes.fromhex("01 03")), length_of(bytes.fromhex("01 10 06 06 00 02 04"))
-    (8, 13)
-    """
-    if len(frame) < 2 or frame[1] != BLOCK:
-        return 8
-    return 9 + frame[6] if len(frame) > 6 else 9
+    length_of = staticmethod(reply_length_of)
 
 
 class CutSide(RtuSide):
-    """One gateway between two serial lines that cuts requests through."""
+    """One gateway between two serial lines that cuts requests and replies through."""
 
     pipe_kind = CutPipe
+    port_pipe_kind = ReplyPipe
     port_wire = CONTROLLER
 
     def line_of(self, design: Design, tell: Callable[[Event], None]) -> LineExchange:
@@ -183,28 +237,79 @@ class CutSide(RtuSide):
         return [*super().roots(), *(port._cutter.replies for port in self.ports)]
 
     def fall_silent(self, now_ns: int) -> None:
-        """See ``RtuSide``: cutters are the first to miss what does not come."""
+        """See ``RtuSide``: cutters are the first to miss what does not come.
+
+        What has begun to come and stands still since is stored: with the next byte its cutter sees that.
+        """
         self.door.now_ns = now_ns
-        for port in self.ports:
-            port._cut_timer.pass_by()
+        for each in (*self.ports, self.link):
+            each._cut_timer.pass_by()
+        if any(pipe.leaving for pipe in (*self.wires, self.link.pipe)):
+            raise BrokenRuleError("a frame stands still in the middle, and is not filled up (W12)")
         super().fall_silent(now_ns)
-        self.link.pipe.owes_silence = False
+        for pipe in (*self.wires, self.link.pipe):
+            pipe.owes_silence = False
+        for port in self.ports:
+            cut = port._cutter._cut
+            if cut is not None and cut.state is Cut.BEGUN:
+                port._cutter._cut = None
 
     def gone(self, port: int, now_ns: int) -> None:
         """See ``Side``."""
         self.door.now_ns = now_ns
         self.ports[port].closed("", now_ns)
+        self.wires[port].break_off()
         self.open_port(port, now_ns)
 
     def drop_what_is_over(self) -> None:
-        """Let go of frames that have ended: nothing is asked of them any more, and states need not differ."""
+        """Let go of frames that have ended: nothing is asked of them any more, and states need not differ.
+
+        So of bytes that answer nothing: they wait, 256 of them, to be a late frame. No frame is late here.
+        """
+        self.link._decoder._stray = b""
         for port in self.ports:
             if port._cutter._cut is not None and port._cutter._cut.is_over:
                 port._cutter._cut = None
-        assert self.line.cuts is not None
-        reply = self.line.cuts.reply
-        if reply._transaction is not None and reply._transaction.phase is not Phase.SENT:
+        reply = self.cuts.reply
+        transaction = reply._transaction
+        if transaction is None:
+            return
+        if transaction.phase is not Phase.SENT:
             reply._transaction = reply._cut = reply._judge = None
+        elif transaction.is_orphan and reply._cut is not None and reply._cut.is_over:
+            reply._cut = reply._judge = None  # for nobody no other one begins
+
+    @property
+    def wires(self) -> list[CutPipe]:
+        """Of the controllers."""
+        return [pipe for pipe in self.pipes if isinstance(pipe, CutPipe)]
+
+    @property
+    def cuts(self) -> CutLine:
+        """Of the line."""
+        assert self.line.cuts is not None
+        return self.line.cuts
+
+    @property
+    def pipe_of_reply(self) -> CutPipe | None:
+        """The wire on which a reply leaves, as the line has it."""
+        reply = self.cuts.reply
+        if reply._cut is None or not reply._cut.is_on_the_way:
+            return None
+        assert reply._transaction is not None
+        return self.wires[self.ports.index(reply._transaction.port)]
+
+    def ends(self) -> tuple[int, ...]:
+        """Return how often each end of ``ENDS`` was met so far by a frame of which bytes had left."""
+        cuts = self.cuts
+        return tuple(
+            ended[turn] - stored[turn]
+            for ended, stored in (
+                (cuts.requests, cuts.requests_stored),
+                (cuts.replies, cuts.replies_stored),
+            )
+            for turn in Turn
+        )
 
     def cut_off(self, now_ns: int) -> None:
         """The way to the drives is lost."""
@@ -238,12 +343,29 @@ class CutWorld(RtuWorld):
         found = on_its_way(self._cut_side.line)
         return found is not None and found.phase is Phase.LEAVING
 
+    @property
+    def is_replying(self) -> bool:
+        """Whether a reply is leaving."""
+        return self._cut_side.pipe_of_reply is not None
+
     # --- what can happen -------------------------------------------------------------------------------
 
     def happenings(self) -> list[Happening]:
-        """See ``World``."""
+        """See ``World``. Where there are two axes one controller only stops, and the other one never does."""
+        found = self._anything()
+        if len(self.design.plans) < 2:
+            return found
+        return [e for e in found if e[0] not in ("ask", "half") or (e[2] == "stop") == (e[1] == 1)]
+
+    def _anything(self) -> list[Happening]:
         design, state = self.design, self.state
         found = [each for each in super().happenings() if each[0] != "half" or each[1] == 0]
+        if not self._has_begun_to_reply:
+            found += self._odd_replies()
+        else:
+            if "again" not in design.happenings:  # who heard a spoilt one asks again when all of it has come
+                found = [each for each in found if each[0] not in ("ask", "half") or each[1]]
+            found += self._while_replying()
         if not state.half:
             return found
         *_, ticks = state.half
@@ -256,6 +378,8 @@ class CutWorld(RtuWorld):
             return found
         if "tail_bad" in design.happenings:
             found.append(("tail_bad",))
+            if state.come == CUT and state.half[0] == "to":
+                found.append(("tail_odd",))
         if state.come == CUT:
             found.append(("more",))
         if "anew" in design.happenings:
@@ -267,10 +391,69 @@ class CutWorld(RtuWorld):
             found.append(("noise",))
         return found
 
+    @property
+    def _has_begun_to_reply(self) -> bool:
+        wire = self.state.wire
+        return bool(self.state.split) or (wire is not None and wire.is_obeyed)
+
+    def _odd_replies(self) -> list[Happening]:
+        """What else than an acknowledgement can begin to come."""
+        wire = self.state.wire
+        if wire is None or "split_odd" not in self.design.happenings:
+            return []
+        refused: list[Happening] = [("split", "refuse")] if wire.owner >= 0 else []
+        return refused + ([("split", "garble")] if wire.pdu[0] == BLOCK else [])
+
+    def _while_replying(self) -> list[Happening]:
+        """What else can happen while a reply comes, or after it came damaged."""
+        design, state = self.design, self.state
+        found: list[Happening] = [("wait",)] if "silence" in design.happenings else []
+        if not state.split or state.is_cut_off:
+            return found
+        if "reply_bad" in design.happenings:
+            found.append(("reply_bad",))
+        if state.reply_come == CUT:
+            found.append(("reply_more",))
+        if "again" in design.happenings and state.asked[0]:
+            found += [("ask", 0, *each) for each in self._requests()]
+        if self._cut_side.link._cut_timer.deadline_ns is not None:
+            found.append(("reply_stall",) if self.is_replying else ("reply_lead",))
+        return found
+
+    def _requests(self) -> Iterable[tuple[Any, ...]]:
+        """See ``World``. Of two axes one is only stopped."""
+        found = super()._requests()
+        if len(self.design.plans) < 2:
+            return found
+        return [each for each in found if (each[0] == "stop") == (each[1] == 1)]
+
     # --- making it happen ------------------------------------------------------------------------------
 
     def happen(self, event: Happening) -> None:
         """See ``World``."""
+        side = self._cut_side
+        reply_pipe, cut_ends = side.pipe_of_reply, side.ends()
+        for each in side.wires:
+            each.ends.clear()
+            each.owes_silence = False
+        self._happen(event)
+        ends = side.ends()
+        if ends != cut_ends:
+            self.tally.cuts |= {
+                ENDS[i] for i, (a, b) in enumerate(zip(ends, cut_ends, strict=True)) if a != b
+            }
+        leaving = [each for each in side.wires if each.leaving]
+        if leaving != ([] if side.pipe_of_reply is None else [side.pipe_of_reply]):
+            raise BrokenRuleError(
+                f"a reply is cut short: {[each.leaving.hex(' ') for each in leaving]} (W12)"
+            )
+        has_ended = reply_pipe is not None and not reply_pipe.leaving
+        if reply_pipe is not None and has_ended and event[0] not in CUTS_REPLY_OFF and not reply_pipe.ends:
+            raise BrokenRuleError("what was leaving to a controller has no end (W12)")
+        for each in side.wires:
+            each.ends.clear()
+
+    def _happen(self, event: Happening) -> None:
         pipe = self._cut_side.link.pipe
         was_leaving, may_be_untouched = self.is_leaving, event[0] in (*QUIET, "tail")
         axes = self._axes() if may_be_untouched else ()
@@ -303,10 +486,21 @@ class CutWorld(RtuWorld):
         return tuple(tokens[i] for i in self._of_axes)
 
     def _collect(self, answered: Wire | None = None, reply: bytes = b"") -> None:
+        wire = answered if answered is not None else self.state.wire
+        for number, pipe in enumerate(self._cut_side.wires):
+            if "spoilt" in pipe.ends and wire is not None and wire.owner == number:
+                self._hear_nothing(wire)
         super()._collect(answered, reply)
         if not self.state.is_up:  # over a serial port nobody is told that, and gives up (W7)
             for port in range(len(self.design.controllers)):
                 self._give_up(port)
+
+    def _hear_nothing(self, wire: Wire) -> None:
+        """The controller of a request was answered with something that is no frame, and gives it up."""
+        for each in self.state.asked[wire.owner]:
+            if each.transaction_id == wire.transaction_id:
+                self._lose(wire.owner, each)
+                rules.end(self, wire.owner, each)
 
     def _call(self, name: str, *args: Any) -> None:
         if name == "link_down":
@@ -400,6 +594,14 @@ class CutWorld(RtuWorld):
         self._cut_side.fall_silent(self.now_ns)
         self._collect()
 
+    def _on_tail_odd(self) -> None:
+        """It goes on with another head, that of a write of one register, and with a bad check sum."""
+        self._end_half()
+        self._give_up(0)
+        self._cut_side.feed(0, bytes.fromhex("00 01 02 12 34 00 00"), self.now_ns)
+        self._cut_side.fall_silent(self.now_ns)
+        self._collect()
+
     def _on_anew(self, name: str, axis: int, number: int = 0) -> None:
         """The rest comes in one read with another request, with which its controller gives it up (W5)."""
         before = self.state.half
@@ -416,9 +618,121 @@ class CutWorld(RtuWorld):
             self.state = self.state._replace(come=0)
         super()._on_disconnect(port)
 
+    def _on_wait(self, _axis: int = 0) -> None:
+        super()._on_wait()
+        if self.state.split:  # how much of it has come says nothing any more
+            self.state = self.state._replace(reply_come=CUT)
+
+    def _on_unplug(self) -> None:
+        super()._on_unplug()
+        self._forget_reply()
+
     def _restart(self, *, is_record_kept: bool, is_whole: bool = True) -> None:
         self.state = self.state._replace(half=(), come=0)
+        self._forget_reply()
         super()._restart(is_record_kept=is_record_kept, is_whole=is_whole)
+
+    # --- replies ---------------------------------------------------------------------------------------
+
+    def _forget_reply(self) -> None:
+        self.state = self.state._replace(split=(), reply_come=0, is_cut_off=False)
+
+    def _reply_to_come(self) -> bytes:
+        """Return the rest of the reply of which a part has come."""
+        assert self.state.split
+        return encode_rtu(*self.state.split)[self.state.reply_come :]
+
+    def _on_split(self, what: str = "ack") -> None:
+        """The drive obeys, or refuses, and the first bytes of its reply come."""
+        wire = self.state.wire
+        assert wire is not None
+        if what == "refuse":
+            reply = bytes((wire.pdu[0] | EXCEPTION_BIT, EXCEPTION))
+        elif what == "garble":
+            self._obey(wire)
+            reply = wire.pdu[:3] + b"\0\0"
+        else:
+            reply = self._obey(wire)
+        self.state = self.state._replace(
+            wire=wire._replace(is_obeyed=True), split=(wire.unit_id, reply), reply_come=CUT
+        )
+        self._cut_side.hear(encode_rtu(wire.unit_id, reply)[:CUT], self.now_ns)
+        self._collect()
+
+    def _on_reply_more(self) -> None:
+        """All of it comes but its check sum."""
+        rest = self._reply_to_come()[:-2]
+        self.state = self.state._replace(reply_come=self.state.reply_come + len(rest))
+        self._cut_side.hear(rest, self.now_ns)
+        self._collect()
+
+    def _on_reply_lead(self) -> None:
+        """The lead of its first byte is over."""
+        self._pass_reply_timer()
+
+    def _on_reply_stall(self) -> None:
+        """Its next bytes do not come in time. The decoder has more patience, and takes them all the same."""
+        self._pass_reply_timer()
+
+    def _pass_reply_timer(self) -> None:
+        self._cut_side.door.now_ns = self.now_ns
+        self._cut_side.link._cut_timer.pass_once()
+        self._collect()
+
+    def _on_reply_bad(self) -> None:
+        """The rest comes with a bad check sum: nobody has said anything."""
+        rest = self._reply_to_come()
+        self._forget_reply()
+        self._cut_side.hear(rest[:-1] + bytes((rest[-1] ^ 0x5A,)), self.now_ns)
+        self._collect()
+
+    def _on_reply_tail(self) -> None:
+        """The rest comes; after a silence it is part of nothing.
+
+        What is known of the axes then, and what leaves next, is what would be if all had been stored.
+        """
+        wire, is_cut_off, rest = self.state.wire, self.state.is_cut_off, self._reply_to_come()
+        assert self.state.split
+        reply = self.state.split[1]
+        pipe = self._cut_side.pipe_of_reply
+        stored = None if pipe is None else self._stored_reply(pipe, rest)
+        self._forget_reply()
+        is_whole = wire is not None and wire.is_obeyed and not is_cut_off
+        if is_whole:
+            self.state = self.state._replace(wire=None)
+        self._cut_side.hear(rest, self.now_ns)
+        found = self._passed(), list(self._cut_side.link.sent), self._axes()
+        if pipe is not None and stored is not None:
+            if "spoilt" in pipe.ends:
+                found = stored[0], *found[1:]
+            if found != stored:
+                raise BrokenRuleError(f"stored it would have ended as {stored[:2]}, not as {found[:2]} (W12)")
+        if not is_whole:
+            self._collect()
+            return
+        assert wire is not None
+        self._collect(answered=wire, reply=reply)
+        if wire.aim is not None and self.state.wire is None:
+            self._on_wait()
+
+    def _passed(self) -> list[list[bytes]]:
+        return [[pdu for _, pdu in port.replies] for port in self._cut_side.ports]
+
+    def _stored_reply(
+        self, pipe: CutPipe, rest: bytes
+    ) -> tuple[list[list[bytes]], list[tuple[int, bytes]], tuple[int, ...]]:
+        """Return what controllers would hear, and what would be, if nothing of a reply had left yet."""
+        side = self._cut_side
+        before, told, met = side.lens.take(self.now_ns), list(self.told), set(self.tally.events)
+        side.cuts.reply._cut = side.cuts.reply._judge = None
+        pipe.leaving = b""
+        side.hear(rest, self.now_ns)
+        found = self._passed(), list(side.link.sent), self._axes()
+        side.lens.restore(before, is_live_known=False)
+        for port in side.ports:
+            port.replies.clear()
+        self.told[:], self.tally.events = told, met
+        return found
 
 
 __all__ = ["CutWorld"]

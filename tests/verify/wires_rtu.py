@@ -111,6 +111,8 @@ class RtuSide(BytesSide):
 
     pipe_kind: type[WirePipe] = WirePipe
     """Of the wire of the drives."""
+    port_pipe_kind: type[WirePipe] = WirePipe
+    """Of those of the controllers."""
     port_wire: LineWire | None = None
     """Of the controllers, where frames are cut through."""
 
@@ -130,7 +132,7 @@ class RtuSide(BytesSide):
             port: Any = RtuControllerPort(plan, self.door, RtuRequestDecoder(), 0, self.port_wire)
             port.replies = []
             self.ports.append(port)
-            self.pipes.append(WirePipe(partial(_keep, port)))
+            self.pipes.append(self.port_pipe_kind(partial(_keep, port)))
         for number in range(len(self.ports)):
             self.open_port(number, 0)
         self.lens = Lens(self.roots(), TICK_NS, design.horizon_ticks, has_record=design.has_record)

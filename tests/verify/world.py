@@ -362,6 +362,8 @@ class State(NamedTuple):
     """How many bytes of it have come."""
     split: tuple[int, bytes] | tuple[()] = ()
     """The unit id and the rest of a reply of which a part has come."""
+    reply_come: int = 0
+    """How many bytes of that reply have come, where replies are cut through."""
     owed: tuple[tuple[str, str], ...] = ()
     """Axis and event that is told with the next answer."""
     is_cut_off: bool = False
@@ -488,6 +490,8 @@ class Tally:
     rows: set[str] = field(default_factory=set)
     events: set[str] = field(default_factory=set)
     refusals: set[int] = field(default_factory=set)
+    cuts: set[str] = field(default_factory=set)
+    """How requests and replies ended of which bytes had left while they arrived."""
     stop_ticks: int = 0
     """The longest that a stop had to wait."""
 
