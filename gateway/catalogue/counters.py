@@ -189,6 +189,30 @@ OTHERS: Final = (
         "times that two controllers took an axis from each other, in one go",
         "have one of them only move the axis",
     ),
+    CounterEntry(
+        "cut_through",
+        "cut through",
+        "of a line with `cut_through` the requests and replies that left while they arrived",
+    ),
+    CounterEntry(
+        "stored",
+        "stored",
+        "of a line with `cut_through` those that were stored whole before they left, and why: `kept` for "
+        "what is never cut through, or was whole too soon, else what happened before the first byte left",
+        "compare with `pitch-gateway budget CONFIG`; `cut-through-off` in the log names the adapter",
+    ),
+    CounterEntry(
+        "spoilt",
+        "spoilt",
+        "of a line with `cut_through` those that began to leave and were made no frame, and why",
+        "where many are `stalled` or `unfit`, turn `cut_through` off for the line; where `bad`, check cables",
+    ),
+    CounterEntry(
+        "torn",
+        "torn",
+        "of a line with `cut_through` the frames inside of which its transmitter was empty",
+        "`fifo` and `cpus` of `[relay]` put the gateway first; else turn `cut_through` off for the line",
+    ),
     CounterEntry("connects", "connects", "connections to the MQTT broker since the start"),
     CounterEntry("published", "published", "messages to the MQTT broker since the start"),
     CounterEntry(
@@ -208,6 +232,7 @@ OF_METRIC: Final[Mapping[str, str]] = {
     "drive_damaged": "damaged",
     "drive_timeouts_in_a_row": "timeouts_in_a_row",
     "axis_budget_overruns": "budget_overruns",
+    **{f"line_frames_{name}": name for name in ("cut_through", "stored", "spoilt", "torn")},
     **{f"line_{entry.name}": entry.name for entry in LINE},
 }
 """The key of a counter by its name in the metrics, without ``pitch_gateway_`` and ``_total``."""

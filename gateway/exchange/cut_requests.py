@@ -117,10 +117,10 @@ class Heads:
             self._gains.clear()
             self._stored.clear()
         before = None if is_new else self._expected[beginning]
-        if shape is None and before is not None and before.shape is READ:
-            return  # one read that goes the slow path; how often is weighed
+        if shape is None and frame[1] in REGISTER_READS:
+            return  # a read that goes the slow path, first or among others; how often is weighed
         head = sent[: REGISTERS_HEAD if shape is READ else BLOCK_HEAD]
-        is_alike = is_new or (before is not None and (shape is READ or before.sent[:BLOCK_HEAD] == head))
+        is_alike = is_new or shape is READ or (before is not None and before.sent[:BLOCK_HEAD] == head)
         is_expected = shape is not None and is_alike and is_fit_head(head)
         self._expected[beginning] = Expected(shape, sent) if shape is not None and is_expected else None
 

@@ -391,6 +391,9 @@ class CutThrough:
         if self.arrival.is_over:
             self._go_on(Turn.KEPT)
             return False
+        if self._stands_still(now_ns):
+            self._go_on(Turn.STALLED)  # it would have to be spoilt as soon as it had begun
+            return False
         # Each time anew: what it was expected to be before its lead was over may be another thing now.
         self._opening = self._judge.opening(self.arrival.data, now_ns)
         if self._opening is None or now_ns < self._opens_ns or not self._piece():

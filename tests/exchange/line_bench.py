@@ -2,15 +2,27 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any
+from enum import Enum
+from typing import Any, ClassVar
 
 from gateway.compensation.settings import AxisSettings, Setpoints
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.events import Event
+from gateway.exchange.cut_line import RequestCutter, Wire
+from gateway.exchange.events import Event, EventKind
+from gateway.exchange.leads import (
+    LEARNED_AFTER,
+    Piece,
+    Shape,
+    acknowledgement_shape,
+    read_shape,
+    reply_shape,
+    write_shape,
+)
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.modbus.crc import INVERTED, append_crc, residue_after
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 
 MS = 1_000_000
@@ -45,12 +57,46 @@ def stream_plan(**changes: Any) -> AxisPlan:
     return axis_plan(setpoints=Setpoints.STREAM, **changes)
 
 
+class Arrival(Enum):
+    """How requests and replies come on a line between two serial wires."""
+
+    STORED = "stored"
+    """As whole frames, on a line that stores them."""
+    AT_ONCE = "at once"
+    """In one read, on a line that cuts through."""
+    BY_CHARACTERS = "by characters"
+    """One character after the other, each at its instant, on a line that cuts through."""
+
+
+CHAR_NS = 100_000
+WIRE = Wire(CHAR_NS, 350_000)
+"""Of a bench whose line cuts through: as fast as 115 200 Bd."""
+KNOWN_REQUESTS = (read_shape(), *(write_shape(words, 0, 2) for words in (2, 3, 4)))
+KNOWN_REPLIES = (acknowledgement_shape(), *(reply_shape(words, [(0, 2)]) for words in (2, 3, 4)))
+"""Of what such a bench has measured the lead before it begins."""
+
+
 class Port(ControllerPort):
     """A controller that records what it is answered."""
 
     def __init__(self, plan: ControllerPlan = CNC) -> None:
         super().__init__(plan)
         self.replies: list[tuple[int, int, bytes]] = []
+        self.asked_id = 0
+        """Transaction id of its last request; a line that cuts through has none."""
+        self.left_early = b""
+        """Of a reply that leaves while it arrives."""
+
+    def may_lead(self, now_ns: int) -> bool:
+        return True
+
+    def lead(self, piece: bytes) -> None:
+        self.left_early += piece
+
+    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
+        assert self.left_early + rest == append_crc(bytes((unit_id,)) + pdu)
+        self.left_early = b""
+        self.replies.append((self.asked_id, unit_id, pdu))
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         self.replies.append((transaction_id, unit_id, pdu))
@@ -68,6 +114,19 @@ class Link(DriveLink):
         super().__init__(is_serial=is_serial)
         self.sent: list[tuple[int, bytes]] = []
         self.abandoned = 0
+        self.left_early = b""
+        """Of a request that leaves while it arrives."""
+
+    def may_lead(self, now_ns: int) -> bool:
+        return True
+
+    def lead(self, piece: bytes) -> None:
+        self.left_early += piece
+
+    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+        assert self.left_early + rest == append_crc(bytes((unit_id,)) + pdu)
+        self.left_early = b""
+        self.sent.append((unit_id, pdu))
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         self.sent.append((unit_id, pdu))
@@ -126,6 +185,9 @@ class Memory:
 class Bench:
     """One line with one controller and a drive that answers at once, or not at all."""
 
+    arrival: ClassVar[Arrival] = Arrival.STORED
+    """Of benches between two serial wires; see ``conftest``."""
+
     def __init__(
         self,
         *plans: AxisPlan,
@@ -138,7 +200,12 @@ class Bench:
         before_up: Callable[[LineExchange], None] = lambda line: None,
         **options: Any,
     ) -> None:
+        self.cuts_through = self.arrival is not Arrival.STORED and link is None and serial and not tcp_drive
+        """Not where a test brings a link of its own, or lines that cut through."""
+        if self.cuts_through:
+            options = {"cut_through": WIRE, **options}
         self.link = link or Link(is_serial=not tcp_drive)
+        self.cutters: dict[Port, RequestCutter] = {}
         self.events: list[Event] = []
         self.line = LineExchange(
             plans, timing or LineTiming(), self.link, self.events.append, groups, **options
@@ -163,7 +230,7 @@ class Bench:
             unit_id, pdu = self.link.sent.pop(0)
             self.seen.append(pdu)
             reply = self.memory.answer(pdu)
-            self.now_ns += MS
+            self._pass(MS, unit_id, reply)
             if unit_id or not self.link.is_serial:
                 self.line.reply(unit_id, reply, self.now_ns)
 
@@ -183,7 +250,71 @@ class Bench:
 
     def send(self, pdu: bytes, port: Port | None = None, unit_id: int = 1, transaction_id: int = 7) -> None:
         """Send a request without letting the drive answer."""
-        self.line.request(port or self.port, transaction_id, unit_id, pdu, self.now_ns)
+        port = port or self.port
+        has_left = port.is_serial and self.cuts_through and self._arrives(port, unit_id, pdu)
+        port.asked_id = transaction_id
+        if not has_left:
+            self.line.request(port, transaction_id, unit_id, pdu, self.now_ns)
+            self._end_silence()
+
+    # --- lines that cut through -----------------------------------------------------------------------------
+
+    def _cutter(self, port: Port) -> RequestCutter:
+        """Return what follows the requests of a port, which has measured it."""
+        cutter = self.cutters.get(port)
+        if cutter is None:
+            assert self.line.cuts is not None
+            cutter = self.cutters[port] = self.line.cuts.follow(port, WIRE)
+            for _ in range(LEARNED_AFTER):
+                for shape in KNOWN_REQUESTS:
+                    cutter.heads.measure(shape, _pieces(shape))
+                for shape in KNOWN_REPLIES:
+                    cutter.replies.measure(shape, _pieces(shape))
+        return cutter
+
+    def _arrives(self, port: Port, unit_id: int, pdu: bytes) -> bool:
+        """Let a request come in; return whether it has left with its last byte."""
+        cutter, frame = self._cutter(port), append_crc(bytes((unit_id,)) + pdu)
+        if self.arrival is Arrival.AT_ONCE:
+            return cutter.feed(frame, self.now_ns, is_fresh=True)
+        has_left, begun_ns = False, self.now_ns
+        for number in range(len(frame)):
+            came_ns = begun_ns + (number + 1) * CHAR_NS
+            while (due_ns := cutter.deadline_ns) is not None and self.now_ns < due_ns < came_ns:
+                self.now_ns = due_ns
+                cutter.tick(due_ns)
+            self.now_ns = came_ns
+            has_left = cutter.feed(frame[number : number + 1], came_ns, is_fresh=number == 0)
+        return has_left
+
+    def _end_silence(self) -> None:
+        """Let the silence behind a spoilt request end: what comes after it waits for that."""
+        spoilt, self.link.left_early = self.link.left_early, b""
+        if spoilt:
+            assert residue_after(spoilt) == INVERTED
+            until_ns = self.line.rest.until_ns
+            self.now_ns = self.now_ns if until_ns is None else max(self.now_ns, until_ns)
+            self.line.tick(self.now_ns)
+
+    def _pass(self, ns: int, unit_id: int, reply: bytes) -> None:
+        """Let time pass at whose end a reply is whole."""
+        if not self.cuts_through or not unit_id:
+            self.now_ns += ns
+            return
+        assert self.line.cuts is not None
+        cutter, frame = self.line.cuts.reply, append_crc(bytes((unit_id,)) + reply)
+        if self.arrival is Arrival.AT_ONCE:
+            self.now_ns += ns
+            cutter.feed(frame, self.now_ns, is_fresh=True)
+            return
+        self.now_ns += max(0, ns - len(frame) * CHAR_NS)
+        for number in range(len(frame)):
+            came_ns = self.now_ns + CHAR_NS
+            while (due_ns := cutter.deadline_ns) is not None and self.now_ns < due_ns < came_ns:
+                self.now_ns = due_ns
+                cutter.tick(due_ns)
+            self.now_ns = came_ns
+            cutter.feed(frame[number : number + 1], came_ns, is_fresh=number == 0)
 
     def ask(self, pdu: bytes) -> bytes:
         """Send a request, let the drive answer, return the controller's reply."""
@@ -204,8 +335,12 @@ class Bench:
         return ACTUAL.unpack(self.ask(read(ACTUAL))[2:])
 
     def kinds(self) -> list[str]:
-        """Names of the events so far."""
-        return [event.kind.value for event in self.events]
+        """Names of the events so far, but of that one which says that frames come at once."""
+        return [event.kind.value for event in self.events if event.kind is not EventKind.CUT_THROUGH_OFF]
+
+
+def _pieces(shape: Shape) -> list[Piece]:
+    return [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
 
 
 def write(place: PositionField, counts: float) -> bytes:

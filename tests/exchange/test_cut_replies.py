@@ -161,7 +161,13 @@ def test_the_reply_to_what_went_the_slow_path_is_stored() -> None:
     assert (transaction.path, cut.state) == (None, Cut.STORED)
 
 
-def test_a_reading_that_may_prove_a_target_is_stored() -> None:
+@pytest.mark.parametrize(
+    ("after_bytes", "state", "why"), [(0, Cut.STORED, Turn.KEPT), (5, Cut.SPOILT, Turn.REFUSED)]
+)
+def test_a_reading_that_may_prove_a_target_is_not_turned_back_before_it_is_whole(
+    after_bytes: int, state: Cut, why: Turn
+) -> None:
+    """What is known of that before it begins to leave has it stored; what comes later, spoilt."""
     way = Way()
     way.settle()
     way.ask(read(COMMAND))
@@ -169,6 +175,9 @@ def test_a_reading_that_may_prove_a_target_is_stored() -> None:
     _, cut = begun(way, read(COMMAND))
     words = axis.fields[0].nominal_words
     assert words is not None
+    came = characters(append_crc(b"\x01" + way.bench.memory.answer(read(COMMAND))))
+    play(cut, came[:after_bytes])
     axis.unproven = Rendering(0, words, b"\0\0\0\1", 1.0, None)
-    play(cut, characters(append_crc(b"\x01" + way.bench.memory.answer(read(COMMAND)))))
-    assert (cut.state, way.turns[-1], cut.left) == (Cut.STORED, Turn.KEPT, b"")
+    play(cut, came[after_bytes:])
+    assert (cut.state, way.turns[-1]) == (state, why)
+    assert len(cut.left) == (reply_shape(2, [(0, 2)]).length if state is Cut.SPOILT else 0)

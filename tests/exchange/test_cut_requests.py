@@ -153,6 +153,14 @@ def test_a_read_leaves_at_its_function_wherever_it_reads() -> None:
     assert (cut.state, way.turns[-1]) == (Cut.SPOILT, Turn.UNFIT)
 
 
+def test_a_read_that_cuts_a_position_before_all_others_keeps_none_of_them_from_leaving() -> None:
+    way = Way()
+    way.store(bytes.fromhex("03 05 20 00 01"))
+    way.store(read(ACTUAL))
+    cut = way.cut(frame_of(read(ACTUAL)))
+    assert (cut.state, cut.left) == (Cut.WHOLE, frame_of(read(ACTUAL)))
+
+
 @pytest.mark.parametrize(
     "pdu",
     [

@@ -135,6 +135,13 @@ def test_silence_in_the_middle_fills_it_up_with_what_the_drive_holds() -> None:
     assert cut.left[:-2] == LAST
 
 
+def test_a_frame_that_broke_off_before_its_lead_is_over_does_not_begin_to_leave() -> None:
+    # Three bytes came at 1 000: 1.5 characters later, at 2 500, no more of it comes. Its lead ends at 3 000.
+    cut, _, turns = read()
+    assert play(cut, [(1000, READ[:3])], 40000) == []
+    assert (cut.state, turns) == (Cut.STORED, [Turn.STALLED])
+
+
 def filled_crc(body: bytes) -> bytes:
     residue = residue_after(body) ^ 0xFFFF
     return bytes((residue & 0xFF, residue >> 8))

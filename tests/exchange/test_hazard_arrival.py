@@ -210,7 +210,7 @@ def test_m6_who_polls_is_not_looked_for_and_streams_never_are() -> None:
     bench = jogged()
     bench.memory.put(ACTUAL, 100_410)
     bench.actual()
-    bench.wait(499)
+    bench.wait(496)
     frames = len(bench.seen)
     bench.ask(write(COMMAND, 100_000))
     assert bench.seen[frames:] == [write(COMMAND, 100_410)]

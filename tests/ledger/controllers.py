@@ -102,11 +102,16 @@ class SerialMaster(Master):
         if self._rng.random() < 0.03:
             patience_ms = self._rng.uniform(0.2, 5.0)
         number = self._number
-        self._feed(data)
-        self._clock.after(patience_ms, lambda: self._lost_patience(number))
+        takes_ms = self._send(data)
+        self._clock.after(takes_ms + patience_ms, lambda: self._lost_patience(number))
 
-    def _feed(self, data: bytes) -> None:
+    def _send(self, data: bytes) -> float:
+        """Send a frame; return how long that takes, in milliseconds."""
         self._take(self._decoder.feed(data, self._clock.now_ns))
+        self._await_silence()
+        return 0.0
+
+    def _await_silence(self) -> None:
         if self._decoder.deadline_ns is not None:
             self._clock.at(self._decoder.deadline_ns, self._silent)
 
@@ -132,6 +137,10 @@ class SerialMaster(Master):
         opened = open_rtu(encode_rtu(unit_id, pdu))
         assert opened == (unit_id, pdu)
         assert rtu(unit_id, pdu) == encode_rtu(unit_id, pdu)
+        self._heard(unit_id, pdu, 0.0)
+
+    def _heard(self, unit_id: int, pdu: bytes, takes_ms: float) -> None:
+        """A reply comes, and is whole after so long."""
         self._ledger.replied(self.book, 0, unit_id, pdu)
         step, self._step = self._step, None
         if step is None:
@@ -139,4 +148,4 @@ class SerialMaster(Master):
         self._number += 1
         if pdu[0] >= 0x80:
             self._after_trouble(step)
-        self._clock.after(self._pause_ms(), self.go_on)
+        self._clock.after(takes_ms + self._pause_ms(), self.go_on)

@@ -147,7 +147,7 @@ class Drive:
         if holds_target and not layout.is_staged:
             is_relative = layout.style is Style.BLOCK and layout.mode in written and bool(self.mode & 1)
             deeds.append(self._run(now_ns, is_relative=is_relative))
-        if layout.trigger in written:
+        if layout.trigger in written and layout.style is not Style.PLAIN:
             deeds += self._act_on_trigger(self.words[layout.trigger], now_ns)
         return deeds
 

@@ -66,6 +66,8 @@ class Habits:
     def stop(self) -> list[Step]:
         """Stop the axis."""
         layout = self._layout
+        if layout.style is Style.PLAIN:
+            return self.look()
         return [self._step(single_pdu(layout.trigger, 0 if layout.style is Style.IMAGE else STOP))]
 
     def act(self) -> list[Step]:
@@ -79,6 +81,8 @@ class Habits:
             return self._jog_on_the_panel()
         if style is Style.IMAGE:
             return self._cycle_image()
+        if style is Style.PLAIN:
+            return self._act_plainly()
         chance = rng.random()
         if chance < 0.25:
             return self.look()
@@ -91,6 +95,28 @@ class Habits:
         if chance < 0.42 and self._layout.is_staged:
             return [self._step(single_pdu(self._layout.trigger, RUN))]  # without a new target
         return self._move()
+
+    def _act_plainly(self) -> list[Step]:
+        chance = self._rng.random()
+        if chance < 0.2:
+            return self.look()
+        if chance < 0.25:
+            return self._odd_write()
+        return self._move() if chance < 0.5 else self._go_on_one_way()
+
+    def _go_on_one_way(self) -> list[Step]:
+        """Go a few steps in one direction, and look after each of them where the axis is."""
+        rng, layout = self._rng, self._layout
+        low, high = sorted((layout.counts(0.5), layout.counts(TRAVEL_MM - 0.5)))
+        step = rng.choice([1, 20, 150, 1_000]) * (1 if self._target < (low + high) / 2 else -1)
+        steps: list[Step] = []
+        for _ in range(rng.randint(4, 30)):
+            self._target = min(high, max(low, self._target + step))
+            steps.append(self._step(write_pdu(layout.command, layout.split(self._target))))
+            steps.append(rng.uniform(1, 80))
+            if rng.random() < 0.9:
+                steps += [self._step(read_pdu(layout.actual, 2)), self._step(read_pdu(layout.status, 1))]
+        return steps
 
     # --- moves ----------------------------------------------------------------------------------------
 

@@ -5,6 +5,7 @@ from typing import Final
 from tests.ledger.clock import MS
 from tests.ledger.events import Book
 from tests.ledger.exchanges import Frame, Request
+from tests.ledger.frames import words_of
 from tests.ledger.layouts import (
     CONTROL_ENABLE,
     CONTROL_START,
@@ -34,6 +35,10 @@ class Judge:
         self.belief = Belief(witness.layout)
         self._control: int | None = None
         """The control word of an image as it was acknowledged last."""
+        self._unproven: Frame | None = None
+        """The last target, if it was not acknowledged; of drives that know no distances."""
+        self._is_proven = False
+        """It was read back as it was sent."""
 
     # --- requests on their way -------------------------------------------------------------------------
 
@@ -42,9 +47,11 @@ class Judge:
         belief, parsed = self.belief, request.parsed
         touched = belief.touched(parsed)
         is_joined = len(touched) == 1 and self._target_of(frame) is not None
-        if is_joined and belief.stale_part(parsed, request.arrived_ns):
+        if is_joined and not self._is_proven and belief.stale_part(parsed, request.arrived_ns):
             self._violation("joined-with-a-lost-part", f"{request.pdu.hex(' ')} as {frame.pdu.hex(' ')}")
         belief.write(parsed, request.arrived_ns)
+        if touched:
+            self._unproven, self._is_proven = None, False
         frame.written = belief.written()
         frame.intent = self._intent(request, frame)
         if frame.intent is not None:
@@ -66,7 +73,7 @@ class Judge:
             return None
         if nominal is None and any(register.word is not None for register in belief.target):
             return Intent(0, False, True, place, is_unknown=True)
-        if layout.style in (Style.DIRECT, Style.BLOCK):
+        if layout.style in (Style.DIRECT, Style.PLAIN, Style.BLOCK):
             if not touched or nominal is None:
                 return None
             in_frame = belief.touches_mode(request.parsed)
@@ -89,7 +96,9 @@ class Judge:
     def _trigger(self, request: Request) -> str | None:
         """Return what a request makes the drive do beside its target."""
         write, layout = request.parsed.write, self.layout
-        if write is None or not 0 <= layout.trigger - write[0] < len(write[1]):
+        if write is None or layout.style is Style.PLAIN:
+            return None
+        if not 0 <= layout.trigger - write[0] < len(write[1]):
             return None
         word = write[1][layout.trigger - write[0]]
         if layout.style is Style.IMAGE:
@@ -142,7 +151,8 @@ class Judge:
         """The drive may have been switched off: what it holds is not known any more."""
         self.witness.doubt_all()
         self.belief.doubt_all(self.witness.now_ns)
-        self._control = None
+        self._control = self._unproven = None
+        self._is_proven = False
 
     # --- frames of the gateway's own -----------------------------------------------------------------------
 
@@ -232,6 +242,8 @@ class Judge:
         for index in touched:
             self.belief.target[index].is_ok = self.belief.target[index].is_certain = False
         self.belief.lose((frame.request or frame).parsed, self.witness.now_ns)
+        is_place = self.layout.style in (Style.DIRECT, Style.PLAIN)
+        self._unproven = frame if is_place and self._target_of(frame) is not None else None
         self.book.seen["targets not acknowledged"] += bool(touched)
 
     def _read_answered(self, frame: Frame, *, is_native: bool) -> None:
@@ -246,6 +258,7 @@ class Judge:
             return
         if read == (layout.mode, 1) and frame.may_be_added and frame.reply is not None:
             self.belief.know_mode(int.from_bytes(frame.reply[2:4], "big"))
+        self._prove(frame)
         if covers:
             is_look = (
                 not frame.candidates and witness.now_ns - max(witness.seen_ns, witness.began_ns) > UNSEEN_NS
@@ -254,6 +267,18 @@ class Judge:
             witness.told(frame.sample.at, is_for_a_move=frame.may_be_added)
         if layout.has_bits and read[0] <= layout.status < read[0] + read[1] and frame.sample.is_standing:
             witness.done_seen = True
+
+    def _prove(self, frame: Frame) -> None:
+        """Who reads that a drive holds the target that was never acknowledged may know that it arrived."""
+        unproven, read = self._unproven, frame.parsed.read
+        if unproven is None or read is None or frame.reply is None:
+            return
+        start = self.layout.command - read[0]
+        if not 0 <= start <= read[1] - 2:
+            return
+        held = self.layout.join(words_of(frame.reply[2:])[start : start + 2])  # type: ignore[arg-type]
+        if held == self._target_of(unproven):
+            self._unproven, self._is_proven = None, True
 
     def lost_unsent(self, request: Request) -> None:
         """A write never reached the drive; who ignores exceptions believes in it all the same."""

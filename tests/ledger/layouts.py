@@ -28,6 +28,8 @@ class Style(Enum):
 
     DIRECT = "direct"
     """Each target is gone to as it is written."""
+    PLAIN = "plain"
+    """The same, and nothing but a target moves or stops it: what it is told may be cut through."""
     BLOCK = "block"
     """The same; the word before the target says how it is meant, and counts in its own frame only."""
     STICKY = "sticky"
@@ -143,6 +145,8 @@ def _motion(layout: Layout) -> MotionPlan:
     relative = ACTIONS[layout.basis] if layout.basis else Action.UNKNOWN
     others = {STOP: Deed(Action.STOP), JOG: Deed(Action.OTHER_MOTION)}
     match layout.style:
+        case Style.PLAIN:
+            return MotionPlan()
         case Style.DIRECT:
             return MotionPlan(triggers=(TriggerPlan(layout.trigger, deeds=others, otherwise=Action.IGNORE),))
         case Style.BLOCK:

@@ -177,7 +177,9 @@ class Ledger:
 
     def _is_stop(self, request: Request) -> bool:
         layout, write = self.witness(request.unit).layout, request.parsed.write
-        if write is None or request.is_foreign or not 0 <= layout.trigger - write[0] < len(write[1]):
+        if write is None or request.is_foreign or layout.style is Style.PLAIN:
+            return False
+        if not 0 <= layout.trigger - write[0] < len(write[1]):
             return False
         word = write[1][layout.trigger - write[0]]
         return not word & CONTROL_ENABLE if layout.style is Style.IMAGE else word == STOP

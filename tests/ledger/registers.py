@@ -106,7 +106,7 @@ class Belief:
 
     def touches_mode(self, request: Parsed) -> bool:
         """Whether a request writes the mode register."""
-        if request.write is None or self.layout.style in (Style.DIRECT, Style.TRIGGERED):
+        if request.write is None or self.layout.style in (Style.DIRECT, Style.PLAIN, Style.TRIGGERED):
             return False
         return 0 <= self.layout.mode - request.write[0] < len(request.write[1])
 

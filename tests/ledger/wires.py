@@ -73,6 +73,11 @@ class Wire(DriveLink):
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``."""
+        frame, fault = self._accounted(unit_id, pdu)
+        self._put(self._framed(unit_id, pdu), frame, fault)
+
+    def _accounted(self, unit_id: int, pdu: bytes) -> tuple[Frame, Fault]:
+        """Have a frame judged that goes out, and choose what happens to it."""
         current = getattr(self.line, "_current", None)
         is_early = current is not None and current.stopping is Stopping.EARLY
         frame = self._ledger.sent(unit_id, pdu, is_early=is_early)
@@ -88,12 +93,15 @@ class Wire(DriveLink):
         if fault is not Fault.NONE:
             self._ledger.book.seen[f"fault: {fault.value}"] += 1
             self._ledger.witness(unit_id).journal.note(f"fault: {fault.value}")
-        data = self._framed(unit_id, pdu)
+        return frame, fault
+
+    def _put(self, data: bytes, frame: Frame, fault: Fault, ended_ns: int = 0) -> None:
+        """A frame goes to its drive, which hears its last byte at ``ended_ns``, or now."""
         if fault is Fault.REQUEST_LOST:
             return
         if fault is Fault.REQUEST_GARBLED:
             data = self._garbled(data)
-        taken_ns = self._clock.now_ns + int(self._rng.uniform(0.3, 2.0) * MS)
+        taken_ns = max(ended_ns, self._clock.now_ns) + int(self._rng.uniform(0.3, 2.0) * MS)
         if fault is Fault.LATE_BOTH:
             taken_ns += int(self._rng.uniform(0.5, 1.2) * TIMEOUT_MS * MS)
         self._taken_ns = max(self._taken_ns, taken_ns)
@@ -134,7 +142,10 @@ class Wire(DriveLink):
         data = self._framed_reply(key, frame.unit, reply)
         if fault is Fault.REPLY_GARBLED:
             data = self._garbled(data)
-        at_ns = self._clock.now_ns + int(delay_ms * MS)
+        self._send_back(data, frame, self._clock.now_ns + int(delay_ms * MS))
+
+    def _send_back(self, data: bytes, frame: Frame, at_ns: int) -> None:
+        """The reply to a frame begins to come in."""
         if self._rng.random() < 0.1 and len(data) > 4:
             cut = self._rng.randrange(1, len(data))
             self._clock.at(at_ns, lambda: self._heard(data[:cut], frame))

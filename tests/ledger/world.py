@@ -10,6 +10,7 @@ from gateway.exchange.plan import ControllerPlan, LineTiming, Role
 from tests.ledger.clock import Clock
 from tests.ledger.connections import TcpMaster
 from tests.ledger.controllers import Master, Script, SerialMaster
+from tests.ledger.cut import CutMaster, CutWire, check_counts, random_speeds
 from tests.ledger.drives import Drive
 from tests.ledger.events import KEPT, Book
 from tests.ledger.habits import Habits, Step
@@ -41,6 +42,10 @@ class Setup:
     has_serial_controller: bool
     has_operator: bool = False
 
+    def is_cut(self, seed: int) -> bool:
+        """Whether frames may leave while they arrive: on every other line between two serial wires."""
+        return self.has_serial_drives and self.has_serial_controller and seed % 2 == len(self.layouts) % 2
+
 
 SETUPS: Final = (
     Setup(
@@ -52,6 +57,18 @@ SETUPS: Final = (
         ),
         has_serial_drives=True,
         has_serial_controller=True,
+    ),
+    Setup(
+        "rtu to rtu, plain",
+        (
+            Layout("plain-low", 1, Style.PLAIN, low_first=True),
+            Layout("plain-high", 2, Style.PLAIN, counts_per_unit=-1000.0, zero_counts=3_000),
+            Layout("plain-hushed", 3, Style.PLAIN, has_bits=False),
+            Layout("direct-stopped", 4, Style.DIRECT),
+        ),
+        has_serial_drives=True,
+        has_serial_controller=True,
+        has_operator=True,
     ),
     Setup(
         "tcp to tcp",
@@ -102,15 +119,20 @@ class World:
         }
         self.ledger = Ledger(self.clock, book, witnesses)
         self.stillness = Stillness(self.clock, self._rng, book)
-        kind = RtuWire if setup.has_serial_drives else TcpWire
+        self._speeds = random_speeds(self._rng) if setup.is_cut(seed) else None
+        is_cut = self._speeds is not None
+        kind = TcpWire if not setup.has_serial_drives else CutWire if is_cut else RtuWire
         self.wire: Wire = kind(
             self.clock, self.ledger, self.drives, self._rng, fault_share, stillness=self.stillness
         )
         plans = [axis_plan(layout, screws[layout.unit]) for layout in setup.layouts]
         # Without back-off: what is answered for dead drives is borne by the worlds of tests/verify.
         timing = LineTiming(response_timeout_ms=TIMEOUT_MS, drain_ms=DRAIN_MS, retry_ms=0.0)
-        self.line = LineExchange(plans, timing, self.wire, lambda event: None)
+        cut_through = None if self._speeds is None else self._speeds.drives
+        self.line = LineExchange(plans, timing, self.wire, lambda event: None, cut_through=cut_through)
         self.wire.line = self.line
+        if isinstance(self.wire, CutWire) and self._speeds is not None:
+            self.wire.become(self._speeds)
         self.masters = self._masters()
         self._ticked_ns: int | None = None
         self._is_ending = False
@@ -132,6 +154,10 @@ class World:
         while self.clock.now_ns < end_ns and self._step():
             pass
         self._check_all_answered()
+        master, cuts = self.masters[0], self.line.cuts
+        if cuts is not None and isinstance(self.wire, CutWire) and isinstance(master, CutMaster):
+            self.book.seen["requests of cut lines"] += self.book.seen["requests"] - last + requests
+            check_counts(cuts, self.wire, master, self.book)
 
     def _open(self) -> None:
         self.wire.open()
@@ -204,6 +230,10 @@ class World:
         plan = ControllerPlan(name, role=role, timeout_ms=PATIENCE_MS, serial=is_serial)
         parts = (self.clock, self.line, self.ledger, plan, script)
         is_rest = role is not Role.MOTION
+        if is_serial and self._speeds is not None:
+            master = CutMaster(*parts, rng=self._rng, is_rest=is_rest)
+            master.become(self._speeds)
+            return master
         if is_serial:
             return SerialMaster(*parts, rng=self._rng, is_rest=is_rest)
         return TcpMaster(*parts, rng=self._rng, is_rest=is_rest, stillness=self.stillness)

@@ -173,6 +173,7 @@ def _of_lines(lines: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[
     yield from (up, wire, added, connected)
     yield from _of_drives(lines)
     yield from _of_ports(lines)
+    yield from _of_cut_through(lines)
     for key in LINE_COUNTERS:
         counter = _counter(f"line_{key}", meaning(key), ["line"])
         for name, line in lines.items():
@@ -180,6 +181,26 @@ def _of_lines(lines: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[
                 counter.add_metric((name,), line[key])
         yield counter
     yield from _latency("line", {name: line["gateway_us"] for name, line in lines.items()}, bounds_us)
+
+
+def _of_cut_through(lines: Mapping[str, Any]) -> Iterator[Metric]:
+    """Yield what became of the frames of lines that cut through; other lines have none of it."""
+    whole = _counter("line_frames_cut_through", meaning("cut_through"), ["line", "frames"])
+    stored = _counter("line_frames_stored", meaning("stored"), ["line", "frames", "why"])
+    spoilt = _counter("line_frames_spoilt", meaning("spoilt"), ["line", "frames", "why"])
+    torn = _counter("line_frames_torn", meaning("torn"), ["line"])
+    for name, line in lines.items():
+        cuts = line.get("cut_through")
+        if cuts is None:
+            continue
+        for frames in ("requests", "replies"):
+            whole.add_metric((name, frames), cuts[frames]["cut_through"])
+            for counter, key in ((stored, "stored"), (spoilt, "spoilt")):
+                for why, count in cuts[frames][key].items():
+                    counter.add_metric((name, frames, why), count)
+        torn.add_metric((name,), cuts["torn"])
+    if torn.samples:
+        yield from (whole, stored, spoilt, torn)
 
 
 def _of_drives(lines: Mapping[str, Any]) -> Iterator[Metric]:

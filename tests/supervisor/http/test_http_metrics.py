@@ -197,6 +197,22 @@ def test_each_drive_and_each_serial_port_says_how_well_it_is_heard() -> None:
     assert of(found, "controller_damaged_frames_total", **plc) == 12
 
 
+def test_a_line_that_cuts_through_says_what_was_stored_and_spoilt_and_why() -> None:
+    requests = {"cut_through": 90, "gain_us": 8, "stored": {"kept": 7, "stalled": 1}, "spoilt": {"bad": 2}}
+    replies = {"cut_through": 80, "gain_us": 5, "stored": {"kept": 17}, "spoilt": {}}
+    cuts = {"requests": requests, "replies": replies, "torn": 3}
+    found = samples(model(snapshot(line={"cut_through": cuts})))
+    assert of(found, "line_frames_cut_through_total", line="xyz", frames="requests") == 90
+    assert of(found, "line_frames_cut_through_total", line="xyz", frames="replies") == 80
+    assert of(found, "line_frames_stored_total", line="xyz", frames="requests", why="kept") == 7
+    assert of(found, "line_frames_stored_total", line="xyz", frames="requests", why="stalled") == 1
+    assert of(found, "line_frames_stored_total", line="xyz", frames="replies", why="kept") == 17
+    assert of(found, "line_frames_spoilt_total", line="xyz", frames="requests", why="bad") == 2
+    assert of(found, "line_frames_torn_total", line="xyz") == 3
+    assert len([key for key in found if key[0].startswith("pitch_gateway_line_frames_")]) == 7
+    assert not [key for key in samples(model()) if key[0].startswith("pitch_gateway_line_frames_")]
+
+
 def test_names_are_as_prometheus_wants_them() -> None:
     found = families(with_terms())
     assert len(found) > 37

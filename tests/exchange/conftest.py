@@ -1,0 +1,35 @@
+"""Benches between two serial wires: on a line that stores, and in two ways on one that cuts through."""
+
+from typing import Final
+
+import pytest
+
+from tests.exchange.line_bench import Arrival, Bench
+
+OWN_LINES: Final = (
+    "test_cut_",
+    "test_fast_path",
+    "test_relative_moves_for_long",
+    "test_streams_with",
+    "test_terms_",
+    "test_thermal",
+)
+"""Modules that put lines of their own together, or work out whole streams for minutes."""
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Give each test of a bench every way in which requests may come."""
+    name = metafunc.module.__name__.rpartition(".")[2]
+    has_bench = any(
+        isinstance(each, type) and issubclass(each, Bench) for each in vars(metafunc.module).values()
+    )
+    if has_bench and not name.startswith(OWN_LINES):
+        metafunc.parametrize("arrival", list(Arrival), indirect=True, ids=lambda each: each.value)
+
+
+@pytest.fixture(autouse=True)
+def arrival(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Arrival:
+    """How the requests of a test's benches come."""
+    arrival: Arrival = getattr(request, "param", Arrival.STORED)
+    monkeypatch.setattr(Bench, "arrival", arrival)
+    return arrival

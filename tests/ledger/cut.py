@@ -1,0 +1,277 @@
+"""Lines between two serial wires whose frames may leave while they arrive (``cut_through``).
+
+Characters take their time here, on the controller's wire and on that of the drives; adapters hand them over
+one by one or in lumps. Masters pause inside of frames, break off and garble any byte. Ports and link are what
+the relay's are, in virtual time: the decoders and cutters of the gateway, and beside them two wires that hear
+everything (``buses``).
+"""
+
+import random
+from collections.abc import Callable, Iterator
+from typing import Final, NamedTuple
+
+from gateway.exchange.cut_line import CutLine, ReplyCutter, RequestCutter, Wire
+from gateway.exchange.cut_through import Turn
+from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, silence_ns
+from tests.ledger.buses import SPOILT_SILENCES, Bus, reply_length, request_length
+from tests.ledger.clock import MS, Clock
+from tests.ledger.controllers import SerialMaster
+from tests.ledger.events import Book
+from tests.ledger.exchanges import Frame
+from tests.ledger.frames import rtu
+from tests.ledger.wires import RtuWire
+
+BAUD_RATES: Final = (9_600, 19_200, 38_400)
+BITS: Final = 11
+PAUSES: Final = (0.0005, 0.002, 0.02)
+"""Share of frames with a pause inside: a port that often makes one gains nothing."""
+LUMPS_MS: Final = (0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 16.0)
+"""Every so often an adapter hands over what has come; 0: each character."""
+
+
+class Speeds(NamedTuple):
+    """How fast both wires of a line are, and how their adapters hand characters over."""
+
+    controller: Wire
+    drives: Wire
+    controller_lump_ns: int
+    drives_lump_ns: int
+    pauses: float
+
+
+def random_speeds(rng: random.Random) -> Speeds:
+    """Mostly two wires that are equally fast."""
+    bauds = [rng.choice(BAUD_RATES)] * 2 if rng.random() < 0.6 else [rng.choice(BAUD_RATES) for _ in range(2)]
+    wires = [Wire(BITS * 1_000_000_000 // baud, silence_ns(baud)) for baud in bauds]
+    lumps = [int(rng.choice(LUMPS_MS) * MS) for _ in wires]
+    return Speeds(wires[0], wires[1], lumps[0], lumps[1], rng.choice(PAUSES))
+
+
+def handed_over(data: bytes, begin_ns: int, char_ns: int, lump_ns: int) -> Iterator[tuple[int, bytes]]:
+    """Give what an adapter hands over, and when, of characters that come without a pause."""
+    lump, at_ns = b"", 0
+    for index in range(len(data)):
+        ends_ns = begin_ns + (index + 1) * char_ns
+        due_ns = -(-ends_ns // lump_ns) * lump_ns if lump_ns else ends_ns
+        if lump and due_ns != at_ns:
+            yield at_ns, lump
+            lump = b""
+        lump, at_ns = lump + data[index : index + 1], due_ns
+    yield at_ns, lump
+
+
+class CutWire(RtuWire):
+    """RTU on a serial bus, to which requests may leave in pieces."""
+
+    speeds: Speeds
+    bus: Bus
+    _lead_unit = 0
+
+    def become(self, speeds: Speeds) -> None:
+        """Say how fast it is; before the first byte."""
+        self.speeds = speeds
+        self.bus = Bus(
+            speeds.drives,
+            "the drives",
+            request_length,
+            self._ledger.book,
+            lambda: self._ledger.witness(self._lead_unit).journal,
+            silences=SPOILT_SILENCES,
+        )
+        self._decoder = RtuReplyDecoder(speeds.drives.silence_ns)
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        """See ``DriveLink``."""
+        self._lead_unit = unit_id
+        frame, fault = self._accounted(unit_id, pdu)
+        data = self._framed(unit_id, pdu)
+        self._put(data, frame, fault, self.bus.whole(data, self._clock.now_ns))
+
+    def may_lead(self, now_ns: int) -> bool:
+        """See ``DriveLink``."""
+        return self._is_open and self.bus.may_begin(now_ns)
+
+    def lead(self, piece: bytes) -> None:
+        """See ``DriveLink``."""
+        if self.bus.may_begin(self._clock.now_ns):
+            self._lead_unit = piece[0]
+        self._ledger.witness(self._lead_unit).journal.note("leaves", piece)
+        self.bus.piece(piece, self._clock.now_ns)
+
+    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+        """See ``DriveLink``."""
+        frame, fault = self._accounted(unit_id, pdu)
+        data = self._framed(unit_id, pdu)
+        self._put(data, frame, fault, self.bus.leave(rest, data, self._clock.now_ns))
+
+    def drop(self) -> None:
+        """Lose the connection, in the middle of a frame too."""
+        super().drop()
+        self.bus.break_off()
+
+    def _send_back(self, data: bytes, frame: Frame, at_ns: int) -> None:
+        wire, lump_ns = self.speeds.drives, self.speeds.drives_lump_ns
+        begin_ns = max(at_ns, self.bus.ends_ns + wire.silence_ns)
+        cut, pause_ns = len(data), 0
+        if self._rng.random() < self.speeds.pauses and len(data) > 4:
+            cut, pause_ns = self._rng.randrange(1, len(data)), int(self._rng.uniform(0.1, 3.0) * wire.char_ns)
+        for came_ns, lump in handed_over(data[:cut], begin_ns, wire.char_ns, lump_ns):
+            self._clock.at(came_ns, self._hearing(lump, frame))
+        if cut < len(data):
+            begin_ns += cut * wire.char_ns + pause_ns
+            for came_ns, lump in handed_over(data[cut:], begin_ns, wire.char_ns, lump_ns):
+                self._clock.at(came_ns, self._hearing(lump, frame))
+
+    def _hearing(self, lump: bytes, frame: Frame) -> Callable[[], None]:
+        return lambda: self._heard(lump, frame)
+
+    def _received(self, data: bytes) -> None:
+        line, now_ns = self.line, self._clock.now_ns
+        assert line is not None
+        assert line.cuts is not None
+        self.bus.other_end(now_ns)
+        counters, decoder, cutter = self._decoder.counters, self._decoder, line.cuts.reply
+        stray_bytes, frames = counters.stray_bytes, counters.stray_frames + counters.foreign
+        is_at_reply = decoder.is_at_reply
+        replies = decoder.feed(data, now_ns)
+        # What leaves with the last byte is held against what the drive said with it.
+        if replies:
+            self._ledger.delivering(replies[0][1], self._heard_for)
+        cutter.feed(data, now_ns, is_fresh=is_at_reply)
+        call_when_due(self._clock, cutter)
+        is_frame = counters.stray_frames + counters.foreign != frames
+        if is_frame or counters.stray_bytes != stray_bytes:
+            line.stray(now_ns, unit_id=decoder.late_unit_id if is_frame else -1)
+        if decoder.deadline_ns is not None:
+            self._clock.at(decoder.deadline_ns, self._silent)
+        for number, (unit_id, pdu) in enumerate(replies):
+            if number:
+                self._ledger.delivering(pdu, self._heard_for)
+            line.reply(unit_id, pdu, now_ns)
+            self._ledger.delivered()
+
+
+class CutMaster(SerialMaster):
+    """A controller on a serial wire, whose requests come a character after the other."""
+
+    speeds: Speeds
+    bus: Bus
+    cutter: RequestCutter
+
+    def become(self, speeds: Speeds) -> None:
+        """Say how fast its wire is, and let its requests be followed; before the first one."""
+        self.speeds = speeds
+        book = self._ledger.book
+        self.bus = Bus(
+            speeds.controller,
+            "the controller",
+            reply_length,
+            book,
+            lambda: self._ledger.witness(0 if self._step is None else self._step[0]).journal,
+        )
+        self._decoder = RtuRequestDecoder(speeds.controller.silence_ns)
+        assert self._line.cuts is not None
+        self.cutter = self._line.cuts.follow(self, speeds.controller)
+
+    # --- requests ----------------------------------------------------------------------------------------
+
+    def _send(self, data: bytes) -> float:
+        """See ``SerialMaster``: with pauses, broken off, with any byte damaged."""
+        rng, seen = self._rng, self._ledger.book.seen
+        wire, lump_ns = self.speeds.controller, self.speeds.controller_lump_ns
+        chance, cut, pause_ns = rng.random(), len(data), 0
+        if chance < self.speeds.pauses:
+            cut, pause_ns = rng.randrange(1, len(data)), int(rng.uniform(0.5, 30.0) * wire.char_ns)
+            seen["requests with a pause inside"] += 1
+        elif 0.02 < chance < 0.03:
+            data = data[: rng.randrange(1, len(data))]
+            cut = len(data)
+            seen["requests broken off"] += 1
+        elif 0.03 < chance < 0.04:
+            index = rng.randrange(len(data))
+            data = data[:index] + bytes((data[index] ^ 1 << rng.randrange(8),)) + data[index + 1 :]
+            seen["requests damaged"] += 1
+        begin_ns = max(self._clock.now_ns, self.bus.ends_ns + wire.silence_ns)
+        end_ns = begin_ns + len(data) * wire.char_ns + pause_ns
+        for came_ns, lump in handed_over(data[:cut], begin_ns, wire.char_ns, lump_ns):
+            self._clock.at(came_ns, self._coming(lump))
+        if cut < len(data):
+            begin_ns += cut * wire.char_ns + pause_ns
+            for came_ns, lump in handed_over(data[cut:], begin_ns, wire.char_ns, lump_ns):
+                self._clock.at(came_ns, self._coming(lump))
+        return (end_ns - self._clock.now_ns) / MS
+
+    def _coming(self, lump: bytes) -> Callable[[], None]:
+        return lambda: self._come(lump)
+
+    def _come(self, lump: bytes) -> None:
+        now_ns, cutter, decoder = self._clock.now_ns, self.cutter, self._decoder
+        self.bus.other_end(now_ns)
+        is_fresh = decoder.is_between_frames
+        requests = decoder.feed(lump, now_ns)
+        # One that leaves with its last byte has arrived with it.
+        is_one = len(requests) == 1
+        if is_one:
+            self._ledger.arrived(self.book, 0, *requests[0], now_ns)
+        has_left = cutter.feed(lump, now_ns, is_fresh=is_fresh)
+        call_when_due(self._clock, cutter)
+        if is_one and not has_left:
+            self._line.request(self, 0, *requests[0], now_ns)
+        elif not is_one:
+            self._take(requests)
+        self._await_silence()
+
+    # --- replies -----------------------------------------------------------------------------------------
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        """See ``ControllerPort``."""
+        ends_ns = self.bus.whole(rtu(unit_id, pdu), self._clock.now_ns)
+        self._heard(unit_id, pdu, (ends_ns - self._clock.now_ns) / MS)
+
+    def may_lead(self, now_ns: int) -> bool:
+        """See ``ControllerPort``."""
+        return self.bus.may_begin(now_ns)
+
+    def lead(self, piece: bytes) -> None:
+        """See ``ControllerPort``."""
+        self.bus.piece(piece, self._clock.now_ns)
+
+    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
+        """See ``ControllerPort``."""
+        ends_ns = self.bus.leave(rest, rtu(unit_id, pdu), self._clock.now_ns)
+        self._heard(unit_id, pdu, (ends_ns - self._clock.now_ns) / MS)
+
+
+def call_when_due(clock: Clock, cutter: ReplyCutter | RequestCutter) -> None:
+    """Have a cutter called when it wants to be."""
+    deadline_ns = cutter.deadline_ns
+    if deadline_ns is None:
+        return
+
+    def due() -> None:
+        cutter.tick(clock.now_ns)
+        after_ns = cutter.deadline_ns
+        if after_ns is not None and (after_ns > clock.now_ns or after_ns != deadline_ns):
+            call_when_due(clock, cutter)
+
+    clock.at(deadline_ns, due)
+
+
+def check_counts(cuts: CutLine, wire: CutWire, master: CutMaster, book: Book) -> None:
+    """Hold what the line has counted against what both wires heard; and put it into the book."""
+    wire.bus.finish()
+    master.bus.finish()
+    for what, ended, stored, bus in (
+        ("requests", cuts.requests, cuts.requests_stored, wire.bus),
+        ("replies", cuts.replies, cuts.replies_stored, master.bus),
+    ):
+        book.seen[f"cut line: {what} cut through"] += ended[Turn.COMMITTED]
+        for turn, count in ended.items():
+            if turn is not Turn.COMMITTED:
+                book.seen[f"cut line: {what} stored, {turn.value}"] += stored[turn]
+                book.seen[f"cut line: {what} spoilt, {turn.value}"] += count - stored[turn]
+        spoilt = sum(ended.values()) - sum(stored.values()) - ended[Turn.COMMITTED]
+        told, heard = (ended[Turn.COMMITTED], spoilt), (bus.in_pieces, bus.not_whole)
+        if heard != told:
+            book.violation("counted-otherwise", f"{what}: whole, spoilt {heard} heard, {told} told", None)
+    book.seen["cut line: torn"] += cuts.torn
