@@ -79,18 +79,18 @@ write_bytes(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t 
 }
 
 static PyObject *
-wait_for(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+wait_for(PyObject *epoll, PyObject *const *arguments, Py_ssize_t given)
 {
     struct epoll_event events[MOST_FOUND];
     long descriptor, most, timeout;
     int count, number;
     PyObject *found;
 
-    if (!is_called_with(given, 3, "wait"))
+    if (!is_called_with(given, 2, "wait"))
         return NULL;
-    descriptor = PyLong_AsLong(arguments[0]);
-    timeout = PyLong_AsLong(arguments[1]);
-    most = PyLong_AsLong(arguments[2]);
+    descriptor = PyLong_AsLong(epoll);
+    timeout = PyLong_AsLong(arguments[0]);
+    most = PyLong_AsLong(arguments[1]);
     if (PyErr_Occurred())
         return NULL;
     if (timeout != 0 && timeout != -1)
@@ -130,12 +130,24 @@ wait_for(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t giv
     return found;
 }
 
+static PyMethodDef wait_definition = {
+    "wait", (PyCFunction)(void (*)(void))wait_for, METH_FASTCALL,
+    "wait(timeout, most) -> list of descriptors and events",
+};
+
+static PyObject *
+waiting(PyObject *Py_UNUSED(module), PyObject *epoll)
+{
+    if (!PyLong_Check(epoll))
+        return PyErr_Format(PyExc_TypeError, "waiting() takes the descriptor of an epoll");
+    return PyCFunction_NewEx(&wait_definition, epoll, NULL);
+}
+
 static PyMethodDef functions[] = {
     {"boot_ns", boot_ns, METH_NOARGS, "boot_ns() -> int"},
     {"read", (PyCFunction)(void (*)(void))read_bytes, METH_FASTCALL, "read(descriptor, size) -> bytes"},
     {"write", (PyCFunction)(void (*)(void))write_bytes, METH_FASTCALL, "write(descriptor, data) -> int"},
-    {"wait", (PyCFunction)(void (*)(void))wait_for, METH_FASTCALL,
-     "wait(descriptor, timeout, most) -> list of descriptors and events"},
+    {"waiting", waiting, METH_O, "waiting(descriptor) -> what waits for the descriptors of that epoll"},
     {NULL, NULL, 0, NULL},
 };
 

@@ -42,4 +42,7 @@ else:
 
 def waiting(epoll: select.epoll) -> Wait:
     """Return what waits for the descriptors of an epoll, 64 at most at a time."""
-    return epoll.poll if _SYSTEM is None else partial(_SYSTEM.wait, epoll.fileno())
+    if _SYSTEM is None:
+        return epoll.poll
+    wait: Wait = _SYSTEM.waiting(epoll.fileno())
+    return wait

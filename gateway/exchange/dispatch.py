@@ -21,6 +21,7 @@ from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode
 
 REMEMBERED_PATHS: Final = 4096
 """Heads of requests whose fast path is remembered; a controller uses a few dozen."""
+UNIT_IDS: Final = 256
 SHORTEST_REQUEST: Final = 5
 """Bytes of the PDU of a request that has a fast path."""
 
@@ -61,7 +62,7 @@ class Units:
         """Whether any frame may mean something else than positions to be gone to at once."""
         self.broadcast_unit_ids = frozenset(unit_ids) if is_serial else None
         """The mapped unit ids that a broadcast reaches; None where nothing is broadcast."""
-        self._paths: dict[int, dict[bytes, FastPath | None]] = {}
+        self._paths: list[dict[bytes, FastPath | None]] = [{} for _ in range(UNIT_IDS)]
         self._remembered_paths = self._paths_left = remembered_paths
 
     def __contains__(self, unit_id: int) -> bool:
@@ -75,15 +76,16 @@ class Units:
     def path_of(self, unit_id: int, pdu: bytes) -> FastPath | None:
         """Return the fast path of a request; None: it goes the slow one."""
         head = pdu[: HEAD_BYTES[pdu[0]]]
-        paths = self._paths.get(unit_id)
-        path = None if paths is None else paths.get(head)
+        paths = self._paths[unit_id]
+        path = paths.get(head)
         if path is not None:
             return path
-        return None if paths is not None and head in paths else self._find_path(unit_id, pdu, head)
+        return None if head in paths else self._find_path(unit_id, pdu, head)
 
     def forget_paths(self) -> None:
         """Look all fast paths up anew: an axis has more of them than it had."""
-        self._paths.clear()
+        for paths in self._paths:
+            paths.clear()
         self._paths_left = self._remembered_paths
 
     def _find_path(self, unit_id: int, pdu: bytes, head: bytes) -> FastPath | None:
@@ -97,11 +99,10 @@ class Units:
         ):
             return None
         if not self._paths_left:
-            self._paths.clear()
-            self._paths_left = self._remembered_paths
+            self.forget_paths()
         self._paths_left -= 1
         path = find_path(self._units.get(unit_id), unit_id, pdu)
-        self._paths.setdefault(unit_id, {})[head] = path
+        self._paths[unit_id][head] = path
         return path
 
     def axes_of(self, unit_id: int) -> tuple[Axis, ...]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import Final
 
-from librt.strings import BytesWriter, write_i16_be, write_i32_be
+from librt.strings import BytesWriter, read_i16_be, read_i32_be, write_i16_be, write_i32_be
 
 from gateway.modbus.errors import FrameError
 from gateway.modbus.pdu import MAX_PDU, ExceptionCode, exception_pdu
@@ -12,6 +12,7 @@ from gateway.modbus.pdu import MAX_PDU, ExceptionCode, exception_pdu
 HEADER: Final = Struct(">HHHB")
 """Transaction id, protocol id (0), length of what follows it, unit id."""
 HEADER_SIZE: Final = 7
+PROTOCOL_AT: Final = 2
 COUNTED_FROM: Final = 6
 """The length field counts from here: unit id and PDU."""
 SHORTEST_LENGTH: Final = 2
@@ -92,10 +93,10 @@ class MbapDecoder:
         size = len(data)
         if size <= HEADER_SIZE or self._buffer or self.broken_by:
             return b""
-        length = data[4] << 8 | data[5]
-        if length != size - COUNTED_FROM or data[2] or data[3] or length > self._longest:
+        length = size - COUNTED_FROM
+        if read_i32_be(data, PROTOCOL_AT) != length or length > self._longest:  # protocol id 0, and length
             return b""
-        self.transaction_id, self.unit_id = data[0] << 8 | data[1], data[6]
+        self.transaction_id, self.unit_id = read_i16_be(data, 0) & 0xFFFF, data[6]
         return data[HEADER_SIZE:]
 
     def feed(self, data: bytes) -> list[Adu]:

@@ -78,6 +78,7 @@ class MbapControllerPort(ControllerPort):
         self._exchange = exchange
         self._on_malformed = on_malformed
         self._decoder = MbapDecoder(counters)
+        self._fresh_ns = min(FRESH_NS, self.patience_ns)
         self._channel: Channel | None = None
         self.asked_ns = 0
         """When its last whole request came; 0: never."""
@@ -111,9 +112,10 @@ class MbapControllerPort(ControllerPort):
         is_any = bool(pdu or requests)
         why_given_up = TOO_SLOW if is_any and now_ns - began_ns > self.patience_ns else ""
         beats = self._exchange.beats
-        if beats.stood_still(now_ns, self.patience_ns):
+        may_be_old = beats.stood_still(now_ns, self._fresh_ns)
+        if may_be_old and beats.stood_still(now_ns, self.patience_ns):
             why_given_up = STOOD_STILL
-        if is_any and not why_given_up and channel.has_gone(asks=beats.stood_still(now_ns, FRESH_NS)):
+        if is_any and not why_given_up and channel.has_gone(asks=may_be_old):
             why_given_up = HAS_GONE
         if pdu:
             transaction_id, unit_id = decoder.transaction_id, decoder.unit_id

@@ -74,7 +74,7 @@ class DirectSocket:
         self.descriptor = descriptor
         self.bytes_received = 0
         self._connection = connection
-        self._receiver = receiver
+        self._received = receiver.received
         self._selector = selector
         self._far_end = FarEnd(descriptor)
         self._has_hung_up = False
@@ -106,7 +106,7 @@ class DirectSocket:
             except OSError as error:
                 why_broken = str(error)
         self.bytes_received += len(data)
-        self._receiver.received(data, now_ns)
+        self._received(data, now_ns)
         if why_broken:
             self._end(why_broken)
 
