@@ -96,7 +96,7 @@ class MbapDecoder:
         length = size - COUNTED_FROM
         if read_i32_be(data, PROTOCOL_AT) != length or length > self._longest:  # protocol id 0, and length
             return b""
-        self.transaction_id, self.unit_id = read_i16_be(data, 0) & 0xFFFF, data[6]
+        self.transaction_id, self.unit_id = int(read_i16_be(data, 0)) & 0xFFFF, data[6]
         return data[HEADER_SIZE:]
 
     def feed(self, data: bytes) -> list[Adu]:
