@@ -7,6 +7,7 @@
 #include <Python.h>
 
 #include <errno.h>
+#include <limits.h>
 #include <sys/epoll.h>
 #include <time.h>
 #include <unistd.h>
@@ -24,6 +25,17 @@ is_called_with(Py_ssize_t given, Py_ssize_t wanted, const char *name)
     return 0;
 }
 
+/* The number of a descriptor; an error is set where it cannot be one. */
+static int
+descriptor_of(PyObject *number)
+{
+    long value = PyLong_AsLong(number);
+
+    if (value > INT_MAX || value < INT_MIN)
+        PyErr_SetString(PyExc_OverflowError, "no descriptor has this number");
+    return (int)value;
+}
+
 static PyObject *
 boot_ns(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(nothing))
 {
@@ -38,19 +50,20 @@ static PyObject *
 read_bytes(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     char buffer[MOST_READ];
-    long descriptor, size;
+    int descriptor;
+    long size;
     ssize_t got;
 
     if (!is_called_with(given, 2, "read"))
         return NULL;
-    descriptor = PyLong_AsLong(arguments[0]);
+    descriptor = descriptor_of(arguments[0]);
     size = PyLong_AsLong(arguments[1]);
     if (PyErr_Occurred())
         return NULL;
     if (size < 0 || size > MOST_READ)
         return PyErr_Format(PyExc_ValueError, "read() of %ld bytes: 0 to %d", size, MOST_READ);
     do
-        got = read((int)descriptor, buffer, (size_t)size);
+        got = read(descriptor, buffer, (size_t)size);
     while (got < 0 && errno == EINTR && !PyErr_CheckSignals());
     if (PyErr_Occurred())
         return NULL;
@@ -60,18 +73,18 @@ read_bytes(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t g
 static PyObject *
 write_bytes(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    long descriptor;
+    int descriptor;
     char *data;
     Py_ssize_t size;
     ssize_t taken;
 
     if (!is_called_with(given, 2, "write"))
         return NULL;
-    descriptor = PyLong_AsLong(arguments[0]);
+    descriptor = descriptor_of(arguments[0]);
     if (PyErr_Occurred() || PyBytes_AsStringAndSize(arguments[1], &data, &size))
         return NULL;
     do
-        taken = write((int)descriptor, data, (size_t)size);
+        taken = write(descriptor, data, (size_t)size);
     while (taken < 0 && errno == EINTR && !PyErr_CheckSignals());
     if (PyErr_Occurred())
         return NULL;
@@ -82,13 +95,13 @@ static PyObject *
 wait_for(PyObject *epoll, PyObject *const *arguments, Py_ssize_t given)
 {
     struct epoll_event events[MOST_FOUND];
-    long descriptor, most, timeout;
-    int count, number;
+    long most, timeout;
+    int descriptor, count, number;
     PyObject *found;
 
     if (!is_called_with(given, 2, "wait"))
         return NULL;
-    descriptor = PyLong_AsLong(epoll);
+    descriptor = descriptor_of(epoll);
     timeout = PyLong_AsLong(arguments[0]);
     most = PyLong_AsLong(arguments[1]);
     if (PyErr_Occurred())
@@ -99,10 +112,10 @@ wait_for(PyObject *epoll, PyObject *const *arguments, Py_ssize_t given)
         return PyErr_Format(PyExc_ValueError, "wait() for %ld: 1 to %d", most, MOST_FOUND);
     if (timeout) {
         Py_BEGIN_ALLOW_THREADS
-        count = epoll_wait((int)descriptor, events, (int)most, -1);
+        count = epoll_wait(descriptor, events, (int)most, -1);
         Py_END_ALLOW_THREADS
     } else
-        count = epoll_wait((int)descriptor, events, (int)most, 0);
+        count = epoll_wait(descriptor, events, (int)most, 0);
     if (count < 0) {
         if (errno != EINTR)
             return PyErr_SetFromErrno(PyExc_OSError);

@@ -2,7 +2,8 @@
 
 Where the gateway is compiled they are those of ``_system.c``, which call the system and nothing else; where
 it is not, those of Python, which do the same with more objects and with the interpreter's lock given back
-and taken again for each. Both have the same results and the same errors (``tests/transport/test_system.py``).
+and taken again for each. For bytes and open descriptors both have the same results and the same errors
+(``tests/transport/test_system.py``).
 """
 
 import os

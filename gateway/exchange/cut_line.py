@@ -207,6 +207,9 @@ class RequestCutter:
         """
         silent_ns, self._last_ns, self._now_ns = now_ns - self._last_ns, now_ns, now_ns
         if is_fresh and silent_ns >= self._wire.silence_ns:
+            if self._cut is not None and self._cut.is_on_the_way:
+                # Nobody looked for so long that the decoder gave the rest of it up before the guard rang.
+                self.end(Turn.STALLED, now_ns)
             self._begin()
         cut = self._cut
         if cut is None:
@@ -270,7 +273,9 @@ class RequestCutter:
         if not CUT_AFTER[cut.state]:
             cuts.torn += cut.gap_ns > 0
         if cut.state is Cut.SPOILT:
-            cuts.line.spoilt(cut.empty_ns + cuts.silence_ns, self._now_ns)
+            # Counted from the writing: between reading and writing the process may have stood still.
+            written_ns = cuts.link.stamps.sent_ns + len(out) * cuts.wire.char_ns
+            cuts.line.spoilt(max(cut.empty_ns, written_ns) + cuts.silence_ns, self._now_ns)
         cuts.on_change()
         return is_whole
 

@@ -191,7 +191,7 @@ class Judge:
 
 
 def is_fit_head(head: bytes) -> bool:
-    """Whether a frame may stand still behind any byte of its head: all but some eight of 65 536 addresses.
+    """Whether a frame may stand still behind any byte of its head: all but seven of 65 536 addresses.
 
     >>> is_fit_head(bytes.fromhex("01 10 6F 00 00 02 04"))
     True

@@ -17,8 +17,7 @@ from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap, too_long
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
-from gateway.relay.pulse import Beats
-from gateway.times import NS_PER_MS
+from gateway.relay.pulse import FRESH_NS, Beats
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import host_of
 from gateway.transport.timer import Timer
@@ -26,9 +25,6 @@ from gateway.transport.timer import Timer
 TOO_SLOW: Final = "it came in pieces for longer than its controller's timeout_ms"
 STOOD_STILL: Final = "it waited longer than its controller's timeout_ms while the relay stood still"
 HAS_GONE: Final = "its controller closed the connection"
-FRESH_NS: Final = 5 * NS_PER_MS
-"""By so much a beat may be late without the other end being looked at anew: then what the system said of it
-with its bytes is 25 ms old at most, and as good as if the bytes had been under way for longer."""
 SENT_ANOTHER: Final = "its controller sent another request"
 
 

@@ -13,8 +13,12 @@ from gateway.transport.timer import Timer
 EVERY_NS: Final = 20 * NS_PER_MS
 """A standstill may be longer than it is taken for by as much."""
 NEVER_NS: Final = 2**63 - 1
-AFTERWARDS_NS: Final = 20 * NS_PER_MS
-"""So long after the first beat that comes late, what is read may still be what had waited."""
+FRESH_NS: Final = 5 * NS_PER_MS
+"""By so much a beat may be late without the other end of a connection being looked at anew: then what the
+system said of it with its bytes is 25 ms old at most, as if they had been under way for longer."""
+AFTERWARDS_NS: Final = EVERY_NS + 2 * FRESH_NS
+"""So long after the first beat that comes late, what is read may still be what had waited: until the next
+one is late itself."""
 WORTH_TELLING_NS: Final = 500 * NS_PER_MS
 
 

@@ -150,6 +150,30 @@ def test_a_frame_that_stalls_is_spoilt_and_goes_behind_the_silence_if_the_rest_c
     assert line.requests() == {Turn.STALLED: 1}
 
 
+def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at_first() -> None:
+    """After 60 ms the decoder's timer, the port and the cutter's timer are all due, and come in this order."""
+    line = site(PLAN, staged_plan(name="y", unit_id=2))
+    frame = frame_of(NEXT)
+    began_ns = line.come(frame[:5])
+    assert line.to_drives(began_ns) == HEAD[:2]
+    now_ns = line.bench.now_ns = began_ns + 65 * MS
+    assert line.cnc.decoder.on_silence(now_ns) == []
+    line.hear(line.cnc, frame[5:])
+    line.cutter.tick(now_ns)
+    filled = line.to_drives(began_ns)
+    assert [when for when, _ in filled] == [65.0]
+    ends_spoilt([*HEAD[:2], *filled])
+    assert line.requests() == {Turn.STALLED: 1}
+    # Eight characters are on the wire until 73; then three silences of 3.5.
+    line.hear(line.panel, frame_of(STOP_PDU, 2))
+    line.pass_to(began_ns + 200 * MS)
+    assert line.to_drives(began_ns) == [(83.5, frame_of(STOP_PDU, 2).hex(" "))]
+    line.answer(frame_of(STOP_PDU, 2))
+    again_ns = line.come(frame)
+    assert line.to_drives(again_ns) == WHOLE
+    assert line.requests() == {Turn.STALLED: 1, Turn.COMMITTED: 1}
+
+
 def test_a_target_that_may_not_leave_is_judged_in_its_turn_behind_the_silence() -> None:
     line = site()
     turned = write(COMMAND, 9_000)  # the way turns: the slow path decides

@@ -123,6 +123,8 @@ def test_a_descriptor_that_is_none(calls: Calls) -> None:
     with pytest.raises(OSError, match="Bad file descriptor") as written:
         calls.write(10_000, b"1")
     assert read.value.errno == written.value.errno == errno.EBADF
+    with pytest.raises(OverflowError):
+        calls.read(1 << 33, 1)
     for call in (calls.read, calls.write):
         with pytest.raises(TypeError):
             call("1", b"")  # type: ignore[arg-type]
