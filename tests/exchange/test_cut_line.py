@@ -151,7 +151,7 @@ def test_a_frame_that_stalls_is_spoilt_and_goes_behind_the_silence_if_the_rest_c
 
 
 def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at_first() -> None:
-    """After 60 ms the decoder's timer, the port and the cutter's timer are all due, and come in this order."""
+    """After 60 ms the decoder's timer, the port and the cutter's timer are due, and come in this order."""
     line = site(PLAN, staged_plan(name="y", unit_id=2))
     frame = frame_of(NEXT)
     began_ns = line.come(frame[:5])
