@@ -1,12 +1,12 @@
 """One request from its arrival to its end: why nothing is sent twice, and what each end leaves behind.
 
 A :class:`Transaction` is in one :class:`Phase`, and goes from one to the next only as :data:`PHASE_AFTER`
-says, which is asserted at each step. Its own frame leaves once: a frame may leave only from ``WAITING``
-(:meth:`Transaction.leave`, asked by the line in the one place where frames leave), and no phase leads back to
-``WAITING`` from ``SENT``. A
-prerequisite, which the gateway adds, may come before it, as often as it takes; each is another frame. What
-leaves while it still arrives (``LEAVING``) is no frame before its check sum has left: until then it ends as
-if it had never been sent, spoilt so that no drive takes it for one (``cut_through``).
+says. That is asserted at each step but the two usual ones, which stand in it (a test walks them all). Its
+own frame leaves once: a frame may leave only from ``WAITING`` (:meth:`Transaction.leave`, asked by the line
+in the one place where frames leave), and no phase leads back to ``WAITING`` from ``SENT``. A prerequisite,
+which the gateway adds, may come before it, as often as it takes; each is another frame. What leaves while
+it still arrives (``LEAVING``) is no frame before its check sum has left: until then it ends as if it had
+never been sent, spoilt so that no drive takes it for one (``cut_through``).
 
 A transaction ends once, in :meth:`Endings.finish`, with one :class:`~gateway.exchange.axis.events.Outcome`;
 one that went the fast path and was answered as usual ends in ``LineExchange.reply``, in the same steps.

@@ -18,6 +18,8 @@ from typing import Final
 from fastcrc.crc16 import modbus as crc16
 from librt.strings import BytesWriter, write_i16_le
 
+from gateway.modbus.words import signed_16
+
 __all__ = [
     "INTACT",
     "INVERTED",
@@ -30,8 +32,6 @@ __all__ = [
     "residue_after",
 ]
 
-_SIGN: Final = 0x8000
-_NEXT_SIGN: Final = 0x10000
 SEAM: Final = 0xFFFF
 """Residue before the first byte."""
 INTACT: Final = 0
@@ -46,10 +46,9 @@ def append_crc(data: bytes) -> bytes:
     >>> append_crc(bytes.fromhex("01 06 31 00 00 0F")).hex(" ")
     '01 06 31 00 00 0f c7 32'
     """
-    check_sum = crc16(data)
     framed = BytesWriter()
     framed.write(data)
-    write_i16_le(framed, check_sum if check_sum < _SIGN else check_sum - _NEXT_SIGN)
+    write_i16_le(framed, signed_16(crc16(data)))
     return framed.getvalue()
 
 

@@ -8,6 +8,7 @@ from librt.strings import BytesWriter, read_i16_be, read_i32_be, write_i16_be, w
 
 from gateway.modbus.errors import FrameError
 from gateway.modbus.pdu import MAX_PDU, ExceptionCode, exception_pdu
+from gateway.modbus.words import signed_16
 
 HEADER: Final = Struct(">HHHB")
 """Transaction id, protocol id (0), length of what follows it, unit id."""
@@ -23,8 +24,6 @@ registers has 255, a reply of 126 registers too. Up to here it is a frame that i
 FUNCTION_AT: Final = 7
 
 _unpack_header = HEADER.unpack_from
-_SIGN: Final = 0x8000
-_NEXT_SIGN: Final = 0x10000
 
 Adu = tuple[int, int, bytes]
 """Transaction id, unit id, PDU."""
@@ -44,7 +43,7 @@ def encode_mbap(transaction_id: int, unit_id: int, pdu: bytes) -> bytes:
             f"transaction id {transaction_id} must be in 0 … 65535, unit id {unit_id} in 0 … 255"
         )
     frame = BytesWriter()
-    write_i32_be(frame, (transaction_id - _NEXT_SIGN if transaction_id >= _SIGN else transaction_id) << 16)
+    write_i32_be(frame, signed_16(transaction_id) << 16)
     write_i16_be(frame, size + 1)
     frame.append(unit_id)
     frame.write(pdu)
