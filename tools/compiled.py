@@ -42,6 +42,7 @@ PATTERNS = (
     "relay/timed.py",
     "transport/direct.py",
     "transport/selector.py",
+    "transport/serial_channel.py",
     "transport/timer.py",
 )
 """What runs while a frame passes."""

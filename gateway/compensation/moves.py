@@ -7,6 +7,7 @@ from gateway.compensation.blend import shape, towards
 from gateway.compensation.correction_map import CorrectionMap
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
 from gateway.compensation.direction import Direction, Travel
+from gateway.compiled import mypyc_attr
 from gateway.counts import Counts
 
 
@@ -55,6 +56,7 @@ class Move(NamedTuple):
     state: State
 
 
+@mypyc_attr(free_list_len=2)  # the one before goes when the next one has come
 class SteadyMove:
     """A move that changes nothing but the position; see ``AxisCompensation.move_of``.
 

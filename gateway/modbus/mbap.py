@@ -90,7 +90,7 @@ class MbapDecoder:
         Else b"", and nothing was taken: :meth:`feed` takes it.
         """
         size = len(data)
-        if size <= HEADER_SIZE or self._buffer or self.broken_by:
+        if size <= HEADER_SIZE or len(self._buffer) or len(self.broken_by):
             return b""
         length = size - COUNTED_FROM
         if read_i32_be(data, PROTOCOL_AT) != length or length > self._longest:  # protocol id 0, and length
@@ -105,7 +105,7 @@ class MbapDecoder:
     @property
     def is_between_frames(self) -> bool:
         """Whether everything that came was whole."""
-        return not self._buffer
+        return not len(self._buffer)
 
     def _split(self, data: bytes) -> list[Adu]:
         frames: list[Adu] = []

@@ -13,7 +13,7 @@ from gateway.exchange.cut_line import RequestCutter, Wire
 from gateway.exchange.cut_through import Turn
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, writer_name
-from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap, too_long
+from gateway.modbus.mbap import Adu, MbapCounters, MbapDecoder, encode_mbap, too_long
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
@@ -26,6 +26,8 @@ TOO_SLOW: Final = "it came in pieces for longer than its controller's timeout_ms
 STOOD_STILL: Final = "it waited longer than its controller's timeout_ms while the relay stood still"
 HAS_GONE: Final = "its controller closed the connection"
 SENT_ANOTHER: Final = "its controller sent another request"
+NONE: Final[list[Adu]] = []
+"""No requests beside the one that the bytes were."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -104,8 +106,9 @@ class MbapControllerPort(ControllerPort):
         began_ns = self.unfinished_ns or now_ns
         decoder = self._decoder
         pdu = decoder.one(data)
-        requests = [] if pdu else decoder.feed(data)
-        is_any = bool(pdu or requests)
+        is_one = len(pdu) > 0
+        requests = NONE if is_one else decoder.feed(data)
+        is_any = is_one or len(requests) > 0
         why_given_up = TOO_SLOW if is_any and now_ns - began_ns > self.patience_ns else ""
         beats = self._exchange.beats
         may_be_old = beats.stood_still(now_ns, self._fresh_ns)
@@ -113,7 +116,7 @@ class MbapControllerPort(ControllerPort):
             why_given_up = STOOD_STILL
         if is_any and not why_given_up and channel.has_gone(asks=may_be_old):
             why_given_up = HAS_GONE
-        if pdu:
+        if is_one:
             transaction_id, unit_id = decoder.transaction_id, decoder.unit_id
             self._exchange.request(self, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
         for transaction_id, unit_id, pdu in requests:
@@ -122,9 +125,10 @@ class MbapControllerPort(ControllerPort):
             self.asked_ns = now_ns
             self.unfinished_ns = 0
         self.unfinished_ns = 0 if decoder.is_between_frames else self.unfinished_ns or now_ns
-        if self._decoder.broken_by:
-            self._refuse(self._decoder.broken_by, channel.peer)
-        if self._decoder.broken_by or why_given_up:
+        is_broken = len(decoder.broken_by) > 0
+        if is_broken:
+            self._refuse(decoder.broken_by, channel.peer)
+        if is_broken or why_given_up:
             channel.close()
             self._channel = None
 

@@ -21,6 +21,8 @@ from gateway.transport.timer import Timer
 
 BROADCAST_UNIT_ID: Final = 0
 TRANSACTION_IDS: Final = 0x10000
+NONE: Final = -1
+"""In the place of the number of a request: none is awaited."""
 UNANSWERED_LIMIT: Final = 1024
 """Numbers of the newest requests without a reply that are not used again. Older ones are forgotten: a reply
 that comes more than a thousand time-outs late comes from no drive."""
@@ -304,7 +306,7 @@ class MbapDriveLink(Link):
         self._channel: Channel | None = None
         self._exchange: TimedExchange | None = None
         self._last_id = 0
-        self._awaited_id: int | None = None
+        self._awaited_id = NONE
         self._awaited_unit_id = 0
         self._unanswered: dict[int, int] = {}
         """Unit ids that were asked with these numbers."""
@@ -325,19 +327,19 @@ class MbapDriveLink(Link):
 
     def abandon(self) -> None:
         """See ``DriveLink``."""
-        if self._awaited_id is None:
+        if self._awaited_id == NONE:
             return
         self._unanswered[self._awaited_id] = self._awaited_unit_id
         if len(self._unanswered) > UNANSWERED_LIMIT:
             del self._unanswered[next(iter(self._unanswered))]
-        self._awaited_id = None
+        self._awaited_id = NONE
         self._sender.discard()
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
         self._channel = channel
         self._decoder = MbapDecoder(longest_length=LARGEST_SENT)
-        self._awaited_id = None
+        self._awaited_id = NONE
         self._unanswered.clear()
         self._sender.opened(channel, now_ns - self._gap_ns)
         self._to_exchange().link_up(now_ns)
@@ -347,12 +349,12 @@ class MbapDriveLink(Link):
         self._sender.heard(now_ns)
         decoder = self._decoder
         pdu = decoder.one(data)
-        if pdu:
+        if len(pdu):
             self._take(decoder.transaction_id, decoder.unit_id, pdu, now_ns)
         else:
             for transaction_id, unit_id, pdu in decoder.feed(data):
                 self._take(transaction_id, unit_id, pdu, now_ns)
-        if self._decoder.broken_by and self._channel is not None:
+        if len(self._decoder.broken_by) and self._channel is not None:
             self._malformed += 1
             self._channel.close()
             self._channel = None
@@ -360,7 +362,7 @@ class MbapDriveLink(Link):
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
         self._channel = None
-        self._awaited_id = None
+        self._awaited_id = NONE
         self._sender.closed()
         self._to_exchange().link_down(now_ns)
 
@@ -387,7 +389,7 @@ class MbapDriveLink(Link):
             self._late += 1
             self._to_exchange().stray(now_ns, unit_id=asked_unit_id)
         elif unit_id == self._awaited_unit_id or self._is_answer_all_the_same(unit_id):
-            self._awaited_id = None
+            self._awaited_id = NONE
             self._to_exchange().reply(self._awaited_unit_id, pdu, now_ns)
         else:
             self._to_exchange().stray(now_ns)
@@ -405,7 +407,7 @@ class MbapDriveLink(Link):
 
     def _new_id(self) -> int:
         candidate = (self._last_id + 1) % TRANSACTION_IDS
-        while candidate in self._unanswered:
+        while len(self._unanswered) and candidate in self._unanswered:
             candidate = (candidate + 1) % TRANSACTION_IDS
         self._last_id = candidate
         return candidate

@@ -31,7 +31,8 @@ from gateway.transport.certificates import now_utc
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint, host_of
 from gateway.transport.framing import frame_silence_ns, request_decoder
-from gateway.transport.serial import SerialPort, character_ns
+from gateway.transport.serial import SerialPort
+from gateway.transport.serial_channel import character_ns
 from gateway.transport.tcp import TcpListener
 
 GARBAGE: Final = "it sent a header whose length cannot be; its connection was closed"

@@ -17,7 +17,8 @@ from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.framing import frame_silence_ns, reply_decoder
-from gateway.transport.serial import SerialChannel, open_port
+from gateway.transport.serial import open_port
+from gateway.transport.serial_channel import SerialChannel
 from gateway.transport.tcp import connect
 from gateway.transport.timer import Timer
 

@@ -5,7 +5,6 @@ from a program comes too late by whole characters.
 """
 
 import asyncio
-import contextlib
 import errno
 import fcntl
 import os
@@ -17,9 +16,6 @@ from typing import Final
 
 import serial
 
-from gateway import system
-from gateway.clock import boot_ns
-from gateway.times import NS_PER_S
 from gateway.transport.adopting import KeptSerial
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint
@@ -27,120 +23,14 @@ from gateway.transport.errors import AbsentError, RefusedError, TransportError
 from gateway.transport.keeper import Keeper
 from gateway.transport.low_latency import LatencySettings, flag_note, set_rs485, tune
 from gateway.transport.permissions import no_device
+from gateway.transport.serial_channel import PTY_MAJORS, SerialChannel, is_pty
 
-RECEIVE_BYTES: Final = 1024
-"""Four of the largest RTU frames (256 bytes)."""
-DRAIN_TIMEOUT_S: Final = 1.0
-PTY_MAJORS: Final = range(136, 144)
-"""Device numbers of UNIX98 pseudo terminals (Linux admin-guide/devices.txt)."""
 NO_RS485: Final = (
     "the driver of {} has no RS-485 mode; an adapter that switches by itself, as most over USB do, needs "
     "none: leave rs485 out; else use a port whose driver has one (a UART of the board)"
 )
 _IFLAG, _CC = 0, 6
 """Places in the list of ``termios.tcgetattr``."""
-
-
-class SerialChannel:
-    """One opening of a serial port; passes what it reads to ``receiver``."""
-
-    def __init__(self, port: serial.Serial, endpoint: SerialEndpoint, receiver: Receiver) -> None:
-        self._port = port
-        self._fd = port.fileno()
-        self._receiver = receiver
-        self._loop = asyncio.get_running_loop()
-        self._unsent = bytearray()
-        self._empty: asyncio.Future[None] | None = None
-        self._is_losing = False
-        self.peer = endpoint.device
-        self.is_pty = is_pty(self._fd)
-        self.wire_ns_per_byte = 0 if self.is_pty else character_ns(endpoint)
-        self.bytes_received = 0
-        self.lost: asyncio.Future[None] = self._loop.create_future()
-
-    def begin(self) -> None:
-        """Start reading, and tell the receiver."""
-        self._loop.add_reader(self._fd, self._readable)
-        self._receiver.opened(self, boot_ns())
-
-    def write(self, data: bytes) -> None:
-        """See ``Channel``."""
-        if self._is_losing or self.lost.done():
-            return
-        if not self._unsent:
-            try:
-                sent = system.write(self._fd, data)
-            except BlockingIOError:
-                sent = 0
-            except OSError as error:
-                self._lose(_why_lost(error))
-                return
-            if sent == len(data):
-                return
-            data = data[sent:]
-            self._loop.add_writer(self._fd, self._writable)
-        self._unsent += data
-
-    def has_gone(self, *, asks: bool) -> bool:
-        """See ``Channel``: nobody can tell on a wire."""
-        return False
-
-    def close(self) -> None:
-        """Close at once. What the driver has taken already still goes out on the wire."""
-        self._end("closed")
-
-    async def drained(self) -> None:
-        """Wait until the driver has taken everything, for ``DRAIN_TIMEOUT_S`` at most."""
-        if self._unsent and not self.lost.done():
-            self._empty = self._loop.create_future()
-            await asyncio.wait(
-                [self._empty, self.lost], timeout=DRAIN_TIMEOUT_S, return_when="FIRST_COMPLETED"
-            )
-
-    def _readable(self) -> None:
-        try:
-            data = system.read(self._fd, RECEIVE_BYTES)
-        except BlockingIOError:
-            return
-        except OSError as error:
-            self._end(_why_lost(error))
-            return
-        if not data:  # readable and nothing there: the device has gone
-            self._end("unplugged")
-            return
-        now_ns = boot_ns()
-        self.bytes_received += len(data)
-        self._receiver.received(data, now_ns)
-
-    def _writable(self) -> None:
-        try:
-            sent = system.write(self._fd, bytes(self._unsent))
-        except BlockingIOError:
-            return
-        except OSError as error:
-            self._end(_why_lost(error))
-            return
-        del self._unsent[:sent]
-        if not self._unsent:
-            self._loop.remove_writer(self._fd)
-            if self._empty is not None and not self._empty.done():
-                self._empty.set_result(None)
-
-    def _lose(self, reason: str) -> None:
-        """End soon: whoever writes must not be told of the loss inside his own call."""
-        self._is_losing = True
-        self._loop.call_soon(self._end, reason)
-
-    def _end(self, reason: str) -> None:
-        if self.lost.done():
-            return
-        self._loop.remove_reader(self._fd)
-        self._loop.remove_writer(self._fd)
-        with contextlib.suppress(OSError, termios.error):
-            fcntl.ioctl(self._fd, termios.TIOCNXCL)
-        self._port.close()
-        self.lost.set_result(None)
-        self._receiver.closed(reason, boot_ns())
 
 
 class SerialPort:
@@ -255,15 +145,6 @@ class Opened:
     """What makes bytes wait in it, with remedies."""
 
 
-def character_ns(endpoint: SerialEndpoint) -> int:
-    """Return what one character takes on the wire, in ns.
-
-    >>> character_ns(SerialEndpoint("/dev/ttyS0", 19200, "E"))  # 11 bits
-    572916
-    """
-    return endpoint.bits_per_character * NS_PER_S // endpoint.baudrate
-
-
 def open_port(endpoint: SerialEndpoint, kept: int | None = None) -> tuple[serial.Serial, Opened]:
     """Open and configure a port: raw, exclusive, non-blocking, low latency where it can and is wanted.
 
@@ -334,20 +215,11 @@ def _drop_nothing() -> None:
     pass
 
 
-def is_pty(handle: int) -> bool:
-    """Whether a descriptor is the end of a pseudo terminal."""
-    return os.major(os.fstat(handle).st_rdev) in PTY_MAJORS
-
-
 def _is_pty_path(path: str) -> bool:
     try:
         return os.major(os.stat(path).st_rdev) in PTY_MAJORS  # noqa: PTH116 - follows the link, as open does
     except OSError:
         return False
-
-
-def _why_lost(error: OSError) -> str:
-    return "unplugged" if error.errno in (errno.EIO, errno.ENXIO, errno.ENODEV) else str(error)
 
 
 def why_not_opened(endpoint: SerialEndpoint, error: Exception) -> TransportError:

@@ -20,7 +20,8 @@ from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
 from gateway.relay.gateway import Relay
 from gateway.transport.endpoints import SerialEndpoint
-from gateway.transport.serial import SerialPort, character_ns
+from gateway.transport.serial import SerialPort
+from gateway.transport.serial_channel import character_ns
 from gateway.transport.timer import Timer
 
 if TYPE_CHECKING:

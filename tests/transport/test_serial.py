@@ -16,7 +16,8 @@ from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.low_latency import LatencySettings
 from gateway.transport.null_modem import NullModem
-from gateway.transport.serial import SerialPort, character_ns, open_port
+from gateway.transport.serial import SerialPort, open_port
+from gateway.transport.serial_channel import character_ns
 
 if TYPE_CHECKING:
     from tests.transport.conftest import Eventually, Recorder

@@ -21,7 +21,8 @@ from gateway.metrology.gauges import GaugeError, GaugeLines, reading_of
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import TransportError
-from gateway.transport.serial import SerialChannel, open_port
+from gateway.transport.serial import open_port
+from gateway.transport.serial_channel import SerialChannel
 
 POLL_S: Final = 0.05
 SHOWN: Final = 60

@@ -5,6 +5,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from gateway.compensation.moves import SteadyMove
+from gateway.compiled import mypyc_attr
 from gateway.counts import Counts
 from gateway.drives.motion import Action
 from gateway.exchange.axis.registers import FieldImage
@@ -183,6 +184,7 @@ class Staging(NamedTuple):
     """Of the field, when it was sent."""
 
 
+@mypyc_attr(free_list_len=2)  # as of the moves in them
 class SteadyTarget:
     """A target on the fast path."""
 
