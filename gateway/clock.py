@@ -4,14 +4,11 @@ A request that a controller gave up while the machine slept has to be old when i
 CLOCK_BOOTTIME; that of a paused virtual machine stands still with it (``docs/security.md``).
 """
 
+from collections.abc import Callable
 from typing import Final
 
 from gateway import system
 
 CLOCK: Final = system.CLOCK
-_boot_ns: Final = system.boot_ns
-
-
-def boot_ns() -> int:
-    """Return the time since the machine was booted, in ns."""
-    return _boot_ns()
+boot_ns: Final[Callable[[], int]] = system.boot_ns
+"""Return the time since the machine was booted, in ns."""

@@ -40,6 +40,7 @@ PATTERNS = (
     "relay/pulse.py",
     "relay/recorded.py",
     "relay/timed.py",
+    "transport/channel.py",
     "transport/direct.py",
     "transport/selector.py",
     "transport/serial_channel.py",

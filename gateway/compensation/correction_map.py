@@ -35,12 +35,14 @@ class Solution(NamedTuple):
 class CorrectionMap:
     """An immutable map between nominal and corrected machine positions, in units of the axis."""
 
-    __slots__ = ("_bound", "_branch", "_single", "_weight", "offset", "terms", "tilt")
+    __slots__ = ("_bound", "_branch", "_single", "_weight", "is_identity", "offset", "terms", "tilt")
 
     def __init__(self, terms: tuple[Term, ...] = (), offset: float = 0.0, tilt: float = 0.0) -> None:
         self.terms = tuple(t for t in terms if t.forward_weight or t.backward_weight)
         self.offset = offset
         self.tilt = tilt
+        self.is_identity = not self.terms and not offset and not tilt
+        """Whether nothing is ever added."""
         self._branch, self._weight = _single_branch(self.terms)
         self._single = None if offset or tilt else self._branch
         """The only branch, where it is all there is."""
@@ -48,11 +50,6 @@ class CorrectionMap:
         self._bound = abs(offset) + sum(
             w * t.curve.max_correction for w, t in zip(weights, self.terms, strict=True)
         )
-
-    @property
-    def is_identity(self) -> bool:
-        """Whether nothing is ever added."""
-        return not self.terms and not self.offset and not self.tilt
 
     def correction(self, nominal: float) -> float:
         """Amount to add at a nominal machine position, in units."""

@@ -56,7 +56,7 @@ class Move(NamedTuple):
     state: State
 
 
-@mypyc_attr(free_list_len=2)  # the one before goes when the next one has come
+@mypyc_attr(free_list_len=1)  # there is one at a time, nearly always
 class SteadyMove:
     """A move that changes nothing but the position; see ``AxisCompensation.move_of``.
 

@@ -16,9 +16,6 @@ The check sum is a running residue, which each byte takes one step further. Thre
 from typing import Final
 
 from fastcrc.crc16 import modbus as crc16
-from librt.strings import BytesWriter, write_i16_le
-
-from gateway.modbus.words import signed_16
 
 __all__ = [
     "INTACT",
@@ -46,10 +43,7 @@ def append_crc(data: bytes) -> bytes:
     >>> append_crc(bytes.fromhex("01 06 31 00 00 0F")).hex(" ")
     '01 06 31 00 00 0f c7 32'
     """
-    framed = BytesWriter()
-    framed.write(data)
-    write_i16_le(framed, signed_16(crc16(data)))
-    return framed.getvalue()
+    return data + crc16(data).to_bytes(2, "little")
 
 
 def is_intact(frame: bytes) -> bool:

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import Final
 
-from librt.strings import BytesWriter, read_i16_be, read_i32_be, write_i16_be, write_i32_be
+from librt.strings import read_i16_be, read_i32_be
 
 from gateway.modbus.errors import FrameError
 from gateway.modbus.pdu import MAX_PDU, ExceptionCode, exception_pdu
-from gateway.modbus.words import signed_16
 
 HEADER: Final = Struct(">HHHB")
 """Transaction id, protocol id (0), length of what follows it, unit id."""
@@ -42,12 +41,8 @@ def encode_mbap(transaction_id: int, unit_id: int, pdu: bytes) -> bytes:
         raise FrameError(
             f"transaction id {transaction_id} must be in 0 … 65535, unit id {unit_id} in 0 … 255"
         )
-    frame = BytesWriter()
-    write_i32_be(frame, signed_16(transaction_id) << 16)
-    write_i16_be(frame, size + 1)
-    frame.append(unit_id)
-    frame.write(pdu)
-    return frame.getvalue()
+    header = transaction_id << 40 | (size + 1) << 8 | unit_id  # as ``HEADER`` has it
+    return header.to_bytes(HEADER_SIZE, "big") + pdu
 
 
 @dataclass(slots=True)

@@ -26,15 +26,6 @@ WORD_BITS: Final = 16
 WORD_MASK: Final = 0xFFFF
 
 
-def signed_16(number: int) -> int:
-    """Return the signed number with the same 16 bits, as ``librt`` writes a word.
-
-    >>> signed_16(0x7FFF), signed_16(0x8000), signed_16(0xFFFF)
-    (32767, -32768, -1)
-    """
-    return number if number <= WORD_MASK >> 1 else number - WORD_MASK - 1
-
-
 class Codec:
     """One register type in one word order; copied by its name."""
 

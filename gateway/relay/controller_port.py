@@ -124,7 +124,8 @@ class MbapControllerPort(ControllerPort):
         if is_any:
             self.asked_ns = now_ns
             self.unfinished_ns = 0
-        self.unfinished_ns = 0 if decoder.is_between_frames else self.unfinished_ns or now_ns
+        if not is_one:
+            self.unfinished_ns = 0 if decoder.is_between_frames else self.unfinished_ns or now_ns
         is_broken = len(decoder.broken_by) > 0
         if is_broken:
             self._refuse(decoder.broken_by, channel.peer)

@@ -102,7 +102,7 @@ class RtuDriveLink(Link):
         self._decoder = decoder
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
-        self._exchange: TimedExchange | None = None
+        self._exchange: TimedExchange
         self._cutter: ReplyCutter | None = None
         self._cut_timer: Timer | None = None
         self._has_echo = has_echo
@@ -166,7 +166,7 @@ class RtuDriveLink(Link):
         self._decoder.reset()
         self._forget_own()
         self._sender.opened(channel, now_ns)
-        self._to_exchange().link_up(now_ns)
+        self._exchange.link_up(now_ns)
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -180,7 +180,7 @@ class RtuDriveLink(Link):
         replies = self._decoder.feed(data, now_ns)
         is_frame = counters.stray_frames + counters.foreign != frames
         if is_frame or counters.stray_bytes != stray_bytes:
-            self._to_exchange().stray(now_ns, unit_id=self._decoder.late_unit_id if is_frame else -1)
+            self._exchange.stray(now_ns, unit_id=self._decoder.late_unit_id if is_frame else -1)
         self._pass_on(replies, now_ns)
 
     def closed(self, reason: str, now_ns: int) -> None:
@@ -189,7 +189,7 @@ class RtuDriveLink(Link):
         self._forget_own()
         self._timer.arm(None)
         self._sender.closed()
-        self._to_exchange().link_down(now_ns)
+        self._exchange.link_down(now_ns)
 
     def counters(self) -> dict[str, int]:
         """See ``Link``."""
@@ -262,11 +262,7 @@ class RtuDriveLink(Link):
         # Armed first: inside reply() the exchange may send its next request, which begins anew.
         self._timer.arm(self._decoder.deadline_ns)
         for unit_id, pdu in replies:
-            self._to_exchange().reply(unit_id, pdu, now_ns)
-
-    def _to_exchange(self) -> TimedExchange:
-        assert self._exchange is not None
-        return self._exchange
+            self._exchange.reply(unit_id, pdu, now_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +300,7 @@ class MbapDriveLink(Link):
         self._sender = PacedSender(gap_ns)
         self._decoder = MbapDecoder(longest_length=LARGEST_SENT)
         self._channel: Channel | None = None
-        self._exchange: TimedExchange | None = None
+        self._exchange: TimedExchange
         self._last_id = 0
         self._awaited_id = NONE
         self._awaited_unit_id = 0
@@ -342,7 +338,7 @@ class MbapDriveLink(Link):
         self._awaited_id = NONE
         self._unanswered.clear()
         self._sender.opened(channel, now_ns - self._gap_ns)
-        self._to_exchange().link_up(now_ns)
+        self._exchange.link_up(now_ns)
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``. A connection that does not speak Modbus/TCP is closed, and opened anew."""
@@ -364,7 +360,7 @@ class MbapDriveLink(Link):
         self._channel = None
         self._awaited_id = NONE
         self._sender.closed()
-        self._to_exchange().link_down(now_ns)
+        self._exchange.link_down(now_ns)
 
     def counters(self) -> dict[str, int]:
         """See ``Link``."""
@@ -387,12 +383,12 @@ class MbapDriveLink(Link):
         if transaction_id != self._awaited_id:
             asked_unit_id = self._unanswered.pop(transaction_id, -1)
             self._late += 1
-            self._to_exchange().stray(now_ns, unit_id=asked_unit_id)
+            self._exchange.stray(now_ns, unit_id=asked_unit_id)
         elif unit_id == self._awaited_unit_id or self._is_answer_all_the_same(unit_id):
             self._awaited_id = NONE
-            self._to_exchange().reply(self._awaited_unit_id, pdu, now_ns)
+            self._exchange.reply(self._awaited_unit_id, pdu, now_ns)
         else:
-            self._to_exchange().stray(now_ns)
+            self._exchange.stray(now_ns)
 
     def _is_answer_all_the_same(self, unit_id: int) -> bool:
         """Whether a reply with the right number counts although another unit id stands in it."""
@@ -411,7 +407,3 @@ class MbapDriveLink(Link):
             candidate = (candidate + 1) % TRANSACTION_IDS
         self._last_id = candidate
         return candidate
-
-    def _to_exchange(self) -> TimedExchange:
-        assert self._exchange is not None
-        return self._exchange

@@ -45,7 +45,8 @@ class PacedSender:
 
     def heard(self, now_ns: int) -> None:
         """Note that bytes arrived."""
-        self._quiet_from_ns = max(self._quiet_from_ns, now_ns)
+        if now_ns > self._quiet_from_ns:
+            self._quiet_from_ns = now_ns
 
     def send(self, frame: bytes) -> None:
         """Send now if the silence is over, else as soon as it is."""

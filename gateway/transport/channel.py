@@ -2,34 +2,35 @@
 
 from typing import Protocol
 
+from gateway.compiled import mypyc_attr
 
-class Channel(Protocol):
-    """One open connection or port. It lives once: after it was closed, another one is opened."""
 
-    @property
-    def peer(self) -> str:
-        """Who is at the other end, for logs and the status."""
-        ...
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Channel:
+    """One open connection or port. It lives once: after it was closed, another one is opened.
 
-    @property
-    def wire_ns_per_byte(self) -> int:
-        """Nanoseconds that one byte takes on the wire; 0 where there is none (TCP, pseudo terminals)."""
-        ...
+    A class and no protocol, because it is called for each frame: see ``exchange.ports``.
+    """
+
+    peer = "?"
+    """Who is at the other end, for logs and the status."""
+    wire_ns_per_byte = 0
+    """Nanoseconds that one byte takes on the wire; 0 where there is none (TCP, pseudo terminals)."""
 
     def write(self, data: bytes) -> None:
         """Send at once; never blocks, never raises. A loss is told by ``Receiver.closed``, later."""
-        ...
+        raise NotImplementedError
 
     def has_gone(self, *, asks: bool) -> bool:
         """Whether the other end has closed or broken off the connection, as far as the system knows.
 
         ``asks``: what it said with the bytes that were read last may be old, so it is asked anew.
         """
-        ...
+        raise NotImplementedError
 
     def close(self) -> None:
         """Close after what was written has left."""
-        ...
+        raise NotImplementedError
 
 
 class Receiver(Protocol):

@@ -8,7 +8,7 @@ from typing import Final, Protocol
 
 from gateway import system
 from gateway.clock import boot_ns
-from gateway.transport.channel import Receiver
+from gateway.transport.channel import Channel, Receiver
 from gateway.transport.selector import HUNG_UP, RelaySelector
 
 _read: Final = system.read
@@ -58,10 +58,8 @@ class Connection(Protocol):
         ...
 
 
-class DirectSocket:
-    """A ``Channel`` over the descriptor of a connection."""
-
-    wire_ns_per_byte = 0
+class DirectSocket(Channel):
+    """A channel over the descriptor of a connection."""
 
     def __init__(
         self,

@@ -9,7 +9,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from gateway.clock import boot_ns
-from gateway.transport.channel import Receiver
+from gateway.transport.channel import Channel, Receiver
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +32,8 @@ class Faults:
 NO_FAULTS = Faults()
 
 
-class MemoryChannel:
+class MemoryChannel(Channel):
     """One end. ``far`` receives what is written here, in a later turn of the loop."""
-
-    wire_ns_per_byte = 0
 
     def __init__(self, peer: str, far: Receiver, faults: Faults) -> None:
         self.peer = peer

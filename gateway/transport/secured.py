@@ -98,13 +98,10 @@ class Door:
         self._thread.shutdown(wait=False, cancel_futures=True)
 
 
-class SecuredConnection:
+class SecuredConnection(Channel):
     """A ``Receiver`` of records, and the ``Channel`` of whoever reads what is in them."""
 
-    wire_ns_per_byte = 0
-
     def __init__(self, door: Door) -> None:
-        self.peer = "?"
         self._door = door
         self._host = ""
         self._channel: Channel | None = None

@@ -13,7 +13,7 @@ import serial
 from gateway import system
 from gateway.clock import boot_ns
 from gateway.times import NS_PER_S
-from gateway.transport.channel import Receiver
+from gateway.transport.channel import Channel, Receiver
 from gateway.transport.endpoints import SerialEndpoint
 
 _read: Final = system.read
@@ -25,7 +25,7 @@ PTY_MAJORS: Final = range(136, 144)
 """Device numbers of UNIX98 pseudo terminals (Linux admin-guide/devices.txt)."""
 
 
-class SerialChannel:
+class SerialChannel(Channel):
     """One opening of a serial port; passes what it reads to ``receiver``."""
 
     def __init__(self, port: serial.Serial, endpoint: SerialEndpoint, receiver: Receiver) -> None:

@@ -15,7 +15,7 @@ from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address
 from typing import Final, cast
 
 from gateway.clock import boot_ns
-from gateway.transport.channel import Receiver
+from gateway.transport.channel import Channel, Receiver
 from gateway.transport.direct import MORE_BYTES, RECEIVE_BYTES, DirectSocket, FarEnd
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
@@ -35,13 +35,11 @@ USER_TIMEOUT_MS: Final = 10_000
 the new connection starts without the back-off that retransmission would have reached by then."""
 
 
-class TcpChannel(asyncio.BufferedProtocol):
+class TcpChannel(asyncio.BufferedProtocol, Channel):
     """One TCP connection; passes what it reads to ``receiver``.
 
     On the relay's loop its bytes go past the transport (``transport.direct``), which keeps all the rest.
     """
-
-    wire_ns_per_byte = 0
 
     def __init__(self, receiver: Receiver) -> None:
         self._receiver = receiver
@@ -52,7 +50,6 @@ class TcpChannel(asyncio.BufferedProtocol):
         self._far_end: FarEnd | None = None
         self._why_broken_off = ""
         self._bytes_received = 0
-        self.peer = "?"
         self.lost: asyncio.Future[None] = self._loop.create_future()
 
     @property

@@ -8,6 +8,7 @@ from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort
 from gateway.modbus.mbap import MbapCounters, encode_mbap
 from gateway.relay.controller_port import MbapControllerPort, Requests
+from gateway.transport.channel import Channel
 from tests.ledger.controllers import Master
 from tests.ledger.exchanges import Controller
 from tests.ledger.frames import open_mbap
@@ -54,14 +55,12 @@ class Doorway(Requests):
         self._ledger.gone(self.book)
 
 
-class Connection:
+class Connection(Channel):
     """A TCP connection of a controller, as the gateway's port has it (``Channel``)."""
-
-    wire_ns_per_byte = 0
-    peer = "192.168.0.7:40000"
 
     def __init__(self, master: "TcpMaster", plan: ControllerPlan, doorway: Doorway, now_ns: int) -> None:
         self._master = master
+        self.peer = "192.168.0.7:40000"
         self.doorway = doorway
         self.is_closed = False
         """By either end."""

@@ -12,6 +12,7 @@ from gateway.modbus.mbap import MbapCounters, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
 from gateway.relay.timed import TimedExchange
+from gateway.transport.channel import Channel
 from tests.exchange.staged_bench import RUN_PDU, RUN_RELATIVE_PDU, STOP_PDU, staged_plan
 
 if TYPE_CHECKING:
@@ -29,22 +30,26 @@ READ = encode_mbap(6, 1, bytes.fromhex("03 2000 0001"))
 
 
 class Wires(DriveLink):
-    """The way to the drives and the connection of the controller; both keep what is written."""
-
-    wire_ns_per_byte = 0
+    """The way to the drives; keeps what is written."""
 
     def __init__(self) -> None:
         super().__init__(is_serial=False)
         self.sent: list[bytes] = []
-        self.replies = b""
-        self.is_closed = False
-        self.peer = "192.168.0.7:4711"
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         self.sent.append(pdu)
 
     def abandon(self) -> None:
         pass
+
+
+class End(Channel):
+    """The near end of the controller's connection; keeps what is written."""
+
+    def __init__(self) -> None:
+        self.peer = "192.168.0.7:4711"
+        self.replies = b""
+        self.is_closed = False
 
     def write(self, data: bytes) -> None:
         self.replies += data
@@ -60,7 +65,7 @@ class Connection:
     """A controller's connection to a line, with the time in the hands of the test."""
 
     def __init__(self, *axes: AxisPlan) -> None:
-        self.wires = Wires()
+        self.wires, self.end = Wires(), End()
         self.events: list[Event] = []
         self.malformed: list[str] = []
         self.line = LineExchange(axes, LineTiming(), self.wires, self.events.append)
@@ -68,7 +73,7 @@ class Connection:
         self.timed.link_up(START_NS)
         self.plan = plan = ControllerPlan("cnc", timeout_ms=TIMEOUT_MS)
         self.port = MbapControllerPort(plan, self.timed, MbapCounters(), self.malformed.append)
-        self.port.opened(self.wires, START_NS)
+        self.port.opened(self.end, START_NS)
 
     def arrives(self, data: bytes, after_ms: float) -> None:
         self.port.received(data, START_NS + int(after_ms * MS))
@@ -89,8 +94,8 @@ async def test_the_late_tail_of_a_request_is_no_request(connection: Connection) 
     assert connection.withdrawn() == [
         "a request of cnc was not sent: it came in pieces for longer than its controller's timeout_ms"
     ]
-    assert connection.wires.is_closed
-    assert connection.wires.replies == b""
+    assert connection.end.is_closed
+    assert connection.end.replies == b""
 
 
 async def test_bytes_that_drip_in_do_not_make_a_request_younger(connection: Connection) -> None:
@@ -98,14 +103,14 @@ async def test_bytes_that_drip_in_do_not_make_a_request_younger(connection: Conn
         connection.arrives(bytes((byte,)), number * TIMEOUT_MS / 20)  # 33 bytes take 1.6 s
     assert connection.wires.sent == []
     assert len(connection.withdrawn()) == 1
-    assert connection.wires.is_closed
+    assert connection.end.is_closed
 
 
 async def test_a_request_in_pieces_within_the_patience_is_sent(connection: Connection) -> None:
     connection.arrives(WHOLE[:CUT], 0)
     connection.arrives(WHOLE[CUT:], TIMEOUT_MS)
     assert connection.wires.sent == [WHOLE[7:]]
-    assert not connection.wires.is_closed
+    assert not connection.end.is_closed
 
 
 async def test_each_request_has_an_age_of_its_own(connection: Connection) -> None:
@@ -138,8 +143,8 @@ async def test_the_data_of_a_request_that_is_too_long_is_no_request(
         connection.arrives(head + data, 0)
     connection.arrives(READ, 2)
     assert connection.wires.sent == []
-    assert connection.wires.replies == encode_mbap(2, 1, bytes((0x90, 3)))
-    assert connection.wires.is_closed
+    assert connection.end.replies == encode_mbap(2, 1, bytes((0x90, 3)))
+    assert connection.end.is_closed
     assert connection.malformed == ["192.168.0.7:4711"]
 
 
@@ -150,8 +155,8 @@ async def test_a_length_that_nobody_sends_is_not_answered_and_ends_the_connectio
     connection.arrives(bytes.fromhex(f"0002 0000 {length} 01 10 03E8"), 0)
     connection.arrives(READ, 1)
     assert connection.wires.sent == []
-    assert connection.wires.replies == b""
-    assert connection.wires.is_closed
+    assert connection.end.replies == b""
+    assert connection.end.is_closed
 
 
 async def test_over_real_sockets_a_request_that_is_too_long_is_answered_and_the_connection_ends(
@@ -172,7 +177,7 @@ async def test_m3_a_stop_in_two_halves_goes_out_however_late_its_tail_is() -> No
     connection.arrives(stop[9:], TIMEOUT_MS + 150)
     assert connection.wires.sent == [STOP_PDU]
     assert connection.withdrawn() == []
-    assert connection.wires.is_closed
+    assert connection.end.is_closed
 
 
 async def test_m3_a_target_in_two_halves_that_is_too_late_blocks_its_trigger() -> None:
@@ -181,18 +186,18 @@ async def test_m3_a_target_in_two_halves_that_is_too_late_blocks_its_trigger() -
     connection.arrives(target[:9], 0)
     connection.arrives(target[9:], TIMEOUT_MS + 150)
     again = MbapControllerPort(connection.plan, connection.timed, MbapCounters(), connection.malformed.append)
-    wires = Wires()
-    again.opened(wires, START_NS)
+    end = End()
+    again.opened(end, START_NS)
     again.received(encode_mbap(8, 1, RUN_PDU), START_NS + 1200 * MS)
     assert connection.wires.sent == []
-    assert wires.replies == encode_mbap(8, 1, bytes((0x86, 4)))  # lost: exception 4 (M3)
+    assert end.replies == encode_mbap(8, 1, bytes((0x86, 4)))  # lost: exception 4 (M3)
 
 
 def serial_port(connection: Connection) -> RtuControllerPort:
     """A controller on a wire of the same line."""
     plan = ControllerPlan("cnc", timeout_ms=TIMEOUT_MS, serial=True)
     port = RtuControllerPort(plan, connection.timed, RtuRequestDecoder(), 0)
-    port.opened(connection.wires, START_NS)
+    port.opened(connection.end, START_NS)
     return port
 
 
@@ -203,7 +208,7 @@ async def test_w5_of_several_requests_in_one_read_of_a_wire_only_the_last_is_wai
     port.received(encode_rtu(1, RUN_RELATIVE_PDU) + encode_rtu(1, RUN_RELATIVE_PDU), START_NS)
     assert connection.wires.sent == [RUN_RELATIVE_PDU]  # it was there twice
     connection.timed.reply(1, RUN_RELATIVE_PDU, START_NS)
-    assert connection.wires.replies == encode_rtu(1, RUN_RELATIVE_PDU)
+    assert connection.end.replies == encode_rtu(1, RUN_RELATIVE_PDU)
     connection.wires.is_serial = True
     port.received(encode_rtu(1, other) + encode_rtu(0, other) + encode_rtu(2, READ[7:]), START_NS)
     assert connection.wires.sent == [RUN_RELATIVE_PDU, other]  # the broadcast: nobody waits for it anyway

@@ -4,14 +4,13 @@ import asyncio
 
 from gateway.clock import boot_ns
 from gateway.relay.pacing import PacedSender
+from gateway.transport.channel import Channel
 
 MS = 1_000_000
 
 
-class Wire:
+class Wire(Channel):
     """A channel that notes when what was written."""
-
-    peer = "wire"
 
     def __init__(self, wire_ns_per_byte: int = 0) -> None:
         self.wire_ns_per_byte = wire_ns_per_byte

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.clock import boot_ns
+from gateway.transport.channel import Channel
 from gateway.transport.handshakes import HOSTS, MADE_ROOM, HandshakeLimits
 from gateway.transport.secured import Door, Failure
 from gateway.transport.tls import ServerContexts
@@ -117,10 +118,8 @@ def test_four_hosts_that_never_end_a_handshake_do_not_lock_a_controller_out() ->
     assert limits.running >= 24
 
 
-class End:
+class End(Channel):
     """The near end of a connection that says nothing."""
-
-    wire_ns_per_byte = 0
 
     def __init__(self, peer: str) -> None:
         self.peer = peer

@@ -19,6 +19,7 @@ from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
 from gateway.relay.controller_port import MbapControllerPort, Requests
 from gateway.relay.drive_link import MbapDriveLink
 from gateway.relay.pulse import Beats
+from gateway.transport.channel import Channel
 from tests.verify import rules
 from tests.verify.snapshot import Lens
 from tests.verify.world import TICK_NS, TIMING, Asked, Design, Happening, Side, Wire, World
@@ -34,14 +35,12 @@ def _keep(port: Any, number: int, _unit_id: int, pdu: bytes) -> None:
     port.replies.append((number, pdu))
 
 
-class Pipe:
+class Pipe(Channel):
     """One open connection, which takes apart what is written to it."""
-
-    peer = ""
-    wire_ns_per_byte = 0
 
     def __init__(self, take: Callable[[int, int, bytes], None]) -> None:
         self._take = take
+        self.peer = ""
         self.is_closed = False
 
     def write(self, data: bytes) -> None:

@@ -184,7 +184,7 @@ class Staging(NamedTuple):
     """Of the field, when it was sent."""
 
 
-@mypyc_attr(free_list_len=2)  # as of the moves in them
+@mypyc_attr(free_list_len=1)  # as of the moves in them
 class SteadyTarget:
     """A target on the fast path."""
 
