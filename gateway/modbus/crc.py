@@ -16,6 +16,7 @@ The check sum is a running residue, which each byte takes one step further. Thre
 from typing import Final
 
 from fastcrc.crc16 import modbus as crc16
+from librt.strings import BytesWriter
 
 __all__ = [
     "INTACT",
@@ -43,7 +44,12 @@ def append_crc(data: bytes) -> bytes:
     >>> append_crc(bytes.fromhex("01 06 31 00 00 0F")).hex(" ")
     '01 06 31 00 00 0f c7 32'
     """
-    return data + crc16(data).to_bytes(2, "little")
+    residue = crc16(data)
+    framed = BytesWriter()
+    framed.write(data)
+    framed.append(residue & 0xFF)
+    framed.append(residue >> 8)
+    return framed.getvalue()
 
 
 def is_intact(frame: bytes) -> bool:

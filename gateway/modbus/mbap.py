@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import Final
 
-from librt.strings import read_i16_be, read_i32_be
+from librt.strings import BytesWriter, read_i16_be, read_i32_be, write_i32_be
 
 from gateway.modbus.errors import FrameError
 from gateway.modbus.pdu import MAX_PDU, ExceptionCode, exception_pdu
@@ -41,8 +41,13 @@ def encode_mbap(transaction_id: int, unit_id: int, pdu: bytes) -> bytes:
         raise FrameError(
             f"transaction id {transaction_id} must be in 0 … 65535, unit id {unit_id} in 0 … 255"
         )
-    header = transaction_id << 40 | (size + 1) << 8 | unit_id  # as ``HEADER`` has it
-    return header.to_bytes(HEADER_SIZE, "big") + pdu
+    frame = BytesWriter()
+    frame.append(transaction_id >> 8)
+    frame.append(transaction_id & 0xFF)
+    write_i32_be(frame, size + 1)  # the protocol id, which is 0, before it
+    frame.append(unit_id)
+    frame.write(pdu)
+    return frame.getvalue()
 
 
 @dataclass(slots=True)
