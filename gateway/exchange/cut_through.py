@@ -242,8 +242,10 @@ class CutThrough:
     """
 
     __slots__ = (
+        "_emptied_ns",
         "_judge",
         "_last_came_ns",
+        "_newest",
         "_on_turn",
         "_opening",
         "_out",
@@ -289,6 +291,10 @@ class CutThrough:
         self._told = 0
         """Those of them that were told of."""
         self._last_came_ns = 0
+        self._newest = 0
+        """Bytes that left last."""
+        self._emptied_ns = 0
+        """When the transmitter had sent all that left before them."""
 
     @property
     def is_on_the_way(self) -> bool:
@@ -350,6 +356,13 @@ class CutThrough:
         body = self._opening.shape.length - CRC_BYTES
         filling = closed(self.left, self._opening.filler[len(self.left) : body])
         return self._write(filling, now_ns)
+
+    def written(self, at_ns: int) -> None:
+        """Take note of when the bytes were written that left last, if that is later than when they came.
+
+        Between reading and writing the process may have stood still, with the transmitter empty.
+        """
+        self._leaves(at_ns)
 
     # --- steps -----------------------------------------------------------------------------------------
 
@@ -454,14 +467,19 @@ class CutThrough:
         return self._write(whole[len(self.left) :], now_ns)
 
     def _write(self, data: bytes, now_ns: int) -> bytes:
-        if data and not self.left:
-            self.began_ns = now_ns
-        elif data:
-            self.gap_ns = max(self.gap_ns, now_ns - self.empty_ns)
         if data:
-            self.empty_ns = max(self.empty_ns, now_ns) + len(data) * self._pace.out_ns
-        self.left += data
+            if not self.left:
+                self.began_ns = now_ns
+            self._emptied_ns, self._newest = self.empty_ns, len(data)
+            self.left += data
+            self._leaves(now_ns)
         return data
+
+    def _leaves(self, at_ns: int) -> None:
+        if len(self.left) > self._newest:
+            self.gap_ns = max(self.gap_ns, at_ns - self._emptied_ns)
+        empty_ns = max(self._emptied_ns, at_ns) + self._newest * self._pace.out_ns
+        self.empty_ns = max(self.empty_ns, empty_ns)
 
     def _go_on(self, turn: Turn) -> None:
         after = CUT_AFTER[self.state]

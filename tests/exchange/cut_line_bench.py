@@ -31,6 +31,7 @@ class PiecePort(Port):
         super().__init__(plan)
         self.site = site
         self.left: list[tuple[int, bytes]] = []
+        self.on_piece: Callable[[], None] = lambda: None
         self.is_busy = False
         self.decoder = RtuRequestDecoder(WIRE.silence_ns)
 
@@ -42,12 +43,13 @@ class PiecePort(Port):
         return not self.is_busy
 
     def lead(self, piece: bytes) -> None:
+        self.on_piece()
         self.left.append((self.site.bench.now_ns, piece))
+        self.stamps.sent_ns = self.site.bench.now_ns
 
     def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
         self.replies.append((transaction_id, unit_id, pdu))
         self.lead(rest)
-        self.stamps.sent_ns = self.site.bench.now_ns
 
 
 class PieceLink(Link):
@@ -77,12 +79,12 @@ class PieceLink(Link):
     def lead(self, piece: bytes) -> None:
         self.on_piece()
         self.left.append((self.now_ns(), piece))
+        self.stamps.sent_ns, self.stamps.wire_ns_per_byte = self.now_ns(), CHAR_NS
 
     def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
         self.sent.append((unit_id, pdu))
         self.decoder.expect(unit_id, pdu)
         self.lead(rest)
-        self.stamps.sent_ns, self.stamps.wire_ns_per_byte = self.now_ns(), CHAR_NS
 
 
 class Site:

@@ -27,7 +27,7 @@ from gateway.exchange.plan import AxisPlan
 from gateway.exchange.transaction import Phase
 from gateway.modbus.crc import INVERTED, is_intact, residue_after
 from gateway.modbus.registers import BitField
-from tests.exchange.cut_line_bench import CHAR_NS, PLAN, Left, Site, frame_of
+from tests.exchange.cut_line_bench import CHAR_NS, PLAN, Left, PieceLink, PiecePort, Site, frame_of
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
 from tests.exchange.record_bench import Records
 from tests.exchange.staged_bench import STOP_PDU, staged_plan
@@ -285,6 +285,42 @@ def test_the_record_says_what_leaves_before_its_check_sum_does() -> None:
     assert before is not None
     assert after is not None
     assert (before.unproven is None, after.unproven is not None) == (True, True)
+
+
+def stands_still(line: Site, wire: PieceLink | PiecePort, before: int, late_ms: float) -> None:
+    """Let the process stand still between reading and writing, when so many pieces have left."""
+
+    def stand_still() -> None:
+        if len(wire.left) == before:
+            line.bench.now_ns += int(late_ms * MS)
+
+    wire.on_piece = stand_still
+
+
+@pytest.mark.parametrize(("late_ms", "torn"), [(0.1, 0), (1.0, 1)])
+def test_a_request_is_torn_where_it_is_written_later_than_the_transmitter_is_empty(
+    late_ms: float, torn: int
+) -> None:
+    line = site()
+    stands_still(line, line.link, 4, late_ms)
+    began_ns = line.come(frame_of(NEXT))
+    # What left before the position was off the wire at 11.2.
+    assert line.to_drives(began_ns) == [*HEAD, (11.0 + late_ms, "27 44 00 00"), (13.0, "12 84")]
+    assert (line.requests(), line.cuts.torn) == ({Turn.COMMITTED: 1}, torn)
+
+
+@pytest.mark.parametrize(("late_ms", "torn"), [(0.1, 0), (1.0, 1)])
+def test_a_reply_is_torn_where_it_is_written_later_than_the_transmitter_is_empty(
+    late_ms: float, torn: int
+) -> None:
+    line = site()
+    line.measure(acknowledgement_shape(), of_replies=True)
+    line.pass_to(line.come(frame_of(NEXT)) + 20 * MS)
+    stands_still(line, line.cnc, 5, late_ms)
+    began_ns = line.reply(ACKNOWLEDGED)
+    # Its first six bytes were off the wire at 8.2.
+    assert line.to_cnc(began_ns)[-1] == (8.0 + late_ms, ACKNOWLEDGED[-2:].hex(" "))
+    assert (line.replies(), line.cuts.torn) == ({Turn.COMMITTED: 1}, torn)
 
 
 @pytest.mark.parametrize(
