@@ -455,6 +455,11 @@ def _cut_through(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> t
             **both | {"happenings": ("arrive", "wait", "half", "anew")},
         ),
         small(
+            "b-rtu-cut-stuck",
+            "the same: the process stands still, and another request has come instead of its rest",
+            **both | {"happenings": ("arrive", "wait", "half", "stuck")},
+        ),
+        small(
             "b-rtu-cut-link",
             "the same: the port of its controller, or the way to the drives, is lost meanwhile",
             **both | {"happenings": ("arrive", "wait", "half", "disconnect", "unplug", "plug")},

@@ -61,6 +61,7 @@ def ends_of_replies(world: CutWorld) -> set[Turn]:
         ("b-rtu-cut-to", (("wait",), ("tail",), ("wait",)), Turn.STALLED),
         ("b-rtu-cut-to", (("noise",), ("tail",), ("wait",), ACK), Turn.MET),
         ("b-rtu-cut-anew", (("anew", "read", 0), ("wait",), ACK), Turn.ANEW),
+        ("b-rtu-cut-stuck", (("stuck", "read", 0), ("wait",), ACK), Turn.STALLED),
         ("b-rtu-cut-link", (("disconnect", 0), ("wait",)), Turn.GONE),
         ("b-rtu-cut-link", (("unplug",), ("tail",), ("plug",)), Turn.LOST),
     ],

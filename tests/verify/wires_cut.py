@@ -384,6 +384,8 @@ class CutWorld(RtuWorld):
             found.append(("more",))
         if "anew" in design.happenings:
             found += [("anew", *each) for each in self._requests()]
+        if self.is_leaving and "stuck" in design.happenings:
+            found += [("stuck", *each) for each in self._requests()]
         is_waited_for = self._cut_side.ports[0]._cut_timer.deadline_ns is not None
         if is_waited_for:
             found.append(("stall",) if self.is_leaving else ("lead",))
@@ -611,6 +613,20 @@ class CutWorld(RtuWorld):
         self._give_up(0)
         _, data = self._register_rtu(name, axis, number)
         self._cut_side.feed(0, rest + data, self.now_ns)
+        self._collect()
+
+    def _on_stuck(self, name: str, axis: int, number: int = 0) -> None:
+        """The process stands still: the decoder has given up what never came whole, and another one is there.
+
+        The cutter's own timer would have been the first to ring, and nobody has looked at it.
+        """
+        self._end_half()
+        self._give_up(0)
+        _, data = self._register_rtu(name, axis, number)
+        side = self._cut_side
+        side.door.now_ns = self.now_ns
+        side.ports[0]._timer.pass_by()
+        side.feed(0, data, self.now_ns)
         self._collect()
 
     def _on_disconnect(self, port: int) -> None:
