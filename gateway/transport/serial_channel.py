@@ -4,11 +4,10 @@ import asyncio
 import contextlib
 import errno
 import fcntl
+import io
 import os
 import termios
 from typing import Final
-
-import serial
 
 from gateway import system
 from gateway.clock import boot_ns
@@ -28,7 +27,7 @@ PTY_MAJORS: Final = range(136, 144)
 class SerialChannel(Channel):
     """One opening of a serial port; passes what it reads to ``receiver``."""
 
-    def __init__(self, port: serial.Serial, endpoint: SerialEndpoint, receiver: Receiver) -> None:
+    def __init__(self, port: io.RawIOBase, endpoint: SerialEndpoint, receiver: Receiver) -> None:
         self._port = port
         self._fd = port.fileno()
         self._receiver = receiver

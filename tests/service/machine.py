@@ -173,6 +173,8 @@ def _lay_out(tree: Path, files: dict[str, str]) -> None:
     # Copied, for the service has a user of its own, who may not be able to enter where the sources are.
     installed = tree / INSTALLED.lstrip("/") / "src" / "gateway"
     shutil.copytree(ROOT / "gateway", installed, ignore=shutil.ignore_patterns("__pycache__"))
+    for shared in ROOT.glob("*.so"):  # what compiled modules have in common, where they are compiled
+        shutil.copy(shared, installed.parent)
     for copied in installed.rglob("*"):
         copied.chmod(0o755 if copied.is_dir() else 0o644)
     system = tree / "etc/systemd/system"
