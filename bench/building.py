@@ -80,7 +80,7 @@ def compiled_package(say: Callable[[str], None], folder: Path = BUILD / "compile
     """
     tool, stamp = ROOT / "tools" / "compiled.py", folder / "sources"
     found = hashlib.sha256()
-    for source in (tool, *sorted((ROOT / "gateway").rglob("*.py"))):
+    for source in (tool, *sorted((ROOT / "gateway").rglob("*.py")), *sorted((ROOT / "gateway").rglob("*.c"))):
         found.update(str(source.relative_to(ROOT)).encode() + source.read_bytes())
     if stamp.exists() and stamp.read_text() == found.hexdigest():
         return folder
