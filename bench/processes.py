@@ -78,13 +78,13 @@ class Processes:
         self._running.append(process)
         return process
 
-    def stop(self, process: Process) -> str:
+    def stop(self, process: Process, patience_s: float = PATIENCE_S) -> str:
         """End a program, by force where it does not listen; returns the rest of its output."""
         if process.poll() is None:
             process.terminate()
             process.send_signal(signal.SIGCONT)
         try:
-            rest, _ = process.communicate(timeout=PATIENCE_S)
+            rest, _ = process.communicate(timeout=patience_s)
         except subprocess.TimeoutExpired:
             process.kill()
             rest, _ = process.communicate()

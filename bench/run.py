@@ -1,7 +1,7 @@
 """The whole bench: ``python -m bench.run`` (``make bench``), or ``--quick`` (``make bench-quick``).
 
 Builds its programs, runs every scenario, prints what it found and writes ``results.md`` with a chart. Ctrl-C
-stops everything that was started, and nothing is written.
+stops everything that was started; what was measured until then is in ``build/so-far.json``.
 """
 
 import argparse
@@ -24,6 +24,7 @@ from bench.processes import stop_on_signals
 from bench.results import Goal, Section
 from bench.scenarios import cut, hot, load, memory, period, rtu, scale, supervisor, tcp, wire
 
+SO_FAR: Final = BUILD / "so-far.json"
 SCENARIOS: Final[dict[str, Callable[[Bench], Section]]] = {
     "hot": hot.run,
     "tcp": tcp.run,
@@ -55,7 +56,7 @@ def main() -> int:
         return 1
     except KeyboardInterrupt:
         say.end()
-        sys.stderr.write("stopped; nothing was written\n")
+        sys.stderr.write(f"stopped; what was measured until then is in {SO_FAR}\n")
         return 130
     say.end()
     sys.stdout.write(report.terminal(sections))
@@ -115,6 +116,7 @@ def _measured(
             sections.append(
                 Section(name, [f"Could not be measured: {error}"], goals=[unmeasured], is_measured=False)
             )
+        SO_FAR.write_text(json.dumps(_plain(sections, []), indent=1, ensure_ascii=False) + "\n")
     facts = machine.machine() + machine.versions(python) + machine.how_and_when() + disturbance.facts()
     return sections, facts, python
 

@@ -7,14 +7,16 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
+from bench.background import LAST_COMMAND_S
 from bench.candidates import free_port
 from bench.context import Bench
+from bench.errors import BenchError
 from bench.features import with_outputs
 from bench.figures import Judged, Round, ratio
 from bench.gateway_process import Gateway, gateway_command, start_gateway
 from bench.gateway_setup import TABLE, Controller, GatewaySetup, LineSetup
 from bench.measuring import Load, Way, start_drive
-from bench.processes import LOGS, Processes, line_from
+from bench.processes import LOGS, PATIENCE_S, Processes, line_from
 from bench.results import Goal, Section, latency_table
 
 TITLE: Final = "Under load"
@@ -32,6 +34,8 @@ class _Work:
     counts: dict[str, int]
 
     def add(self, said: str) -> None:
+        if not said:
+            raise BenchError(f"the load did not say what it has done (see {LOGS})")
         for name, count in json.loads(said).items():
             self.counts[name] = self.counts.get(name, 0) + count
 
@@ -90,7 +94,7 @@ def _loaded(bench: Bench, way: Way, processes: Processes, words: list[str], work
     process = processes.start("background", command, cpus=bench.processors.other, is_talking=True)
     line_from(process)
     found = bench.meter.run(way, _load(bench)).from_sent
-    work.add(processes.stop(process))
+    work.add(processes.stop(process, PATIENCE_S + LAST_COMMAND_S))
     return found
 
 
