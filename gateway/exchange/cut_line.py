@@ -270,12 +270,15 @@ class RequestCutter:
             cuts.link.leave(cut.left[0], cut.left[1:-CRC_BYTES], out)
         elif out:
             cuts.link.lead(out)
+        stamps = cuts.link.stamps
         if out:
-            cut.written(cuts.link.stamps.sent_ns)
+            cut.written(len(out), stamps.ready_ns, stamps.sent_ns)
         if not CUT_AFTER[cut.state]:
             cuts.torn += cut.gap_ns > 0
         if cut.state is Cut.SPOILT:
-            cuts.line.spoilt(cut.empty_ns + cuts.silence_ns, self._now_ns)
+            # Counted from the writing: between reading and writing the process may have stood still.
+            written_ns = stamps.sent_ns + len(out) * cuts.wire.char_ns
+            cuts.line.spoilt(max(cut.empty_ns, written_ns) + cuts.silence_ns, self._now_ns)
         cuts.on_change()
         return is_whole
 
@@ -387,7 +390,7 @@ class ReplyCutter:
         elif out:
             port.lead(out)
         if out:
-            cut.written(port.stamps.sent_ns)
+            cut.written(len(out), port.stamps.ready_ns, port.stamps.sent_ns)
         if not CUT_AFTER[cut.state]:
             self._cuts.torn += cut.gap_ns > 0
         if cut.state is Cut.WHOLE or cut.state is Cut.SPOILT:

@@ -242,10 +242,10 @@ class CutThrough:
     """
 
     __slots__ = (
-        "_emptied_ns",
         "_judge",
         "_last_came_ns",
-        "_newest",
+        "_left_ns",
+        "_off_ns",
         "_on_turn",
         "_opening",
         "_out",
@@ -291,10 +291,10 @@ class CutThrough:
         self._told = 0
         """Those of them that were told of."""
         self._last_came_ns = 0
-        self._newest = 0
-        """Bytes that left last."""
-        self._emptied_ns = 0
-        """When the transmitter had sent all that left before them."""
+        self._left_ns = 0
+        """When the bytes that left last had been read that let them leave."""
+        self._off_ns = 0
+        """When all that was written is off the wire, at the earliest."""
 
     @property
     def is_on_the_way(self) -> bool:
@@ -357,12 +357,15 @@ class CutThrough:
         filling = closed(self.left, self._opening.filler[len(self.left) : body])
         return self._write(filling, now_ns)
 
-    def written(self, at_ns: int) -> None:
-        """Take note of when the bytes were written that left last, if that is later than when they came.
+    def written(self, size: int, from_ns: int, until_ns: int) -> None:
+        """Take note of when the last ``size`` bytes were written, all at once, for :attr:`gap_ns` alone.
 
-        Between reading and writing the process may have stood still, with the transmitter empty.
+        Not before ``from_ns``, and not after ``until_ns``: between reading and writing the process may have
+        stood still, with the transmitter empty. What has to be in time is reckoned from the reading.
         """
-        self._leaves(at_ns)
+        if len(self.left) > size:
+            self.gap_ns = max(self.gap_ns, until_ns - self._off_ns)
+        self._off_ns = max(self._off_ns, self._left_ns, from_ns) + size * self._pace.out_ns
 
     # --- steps -----------------------------------------------------------------------------------------
 
@@ -470,16 +473,12 @@ class CutThrough:
         if data:
             if not self.left:
                 self.began_ns = now_ns
-            self._emptied_ns, self._newest = self.empty_ns, len(data)
+            else:
+                self.gap_ns = max(self.gap_ns, now_ns - self.empty_ns)
+            self.empty_ns = max(self.empty_ns, now_ns) + len(data) * self._pace.out_ns
             self.left += data
-            self._leaves(now_ns)
+            self._left_ns = now_ns
         return data
-
-    def _leaves(self, at_ns: int) -> None:
-        if len(self.left) > self._newest:
-            self.gap_ns = max(self.gap_ns, at_ns - self._emptied_ns)
-        empty_ns = max(self._emptied_ns, at_ns) + self._newest * self._pace.out_ns
-        self.empty_ns = max(self.empty_ns, empty_ns)
 
     def _go_on(self, turn: Turn) -> None:
         after = CUT_AFTER[self.state]

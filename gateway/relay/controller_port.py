@@ -26,7 +26,7 @@ TOO_SLOW: Final = "it came in pieces for longer than its controller's timeout_ms
 STOOD_STILL: Final = "it waited longer than its controller's timeout_ms while the relay stood still"
 HAS_GONE: Final = "its controller closed the connection"
 SENT_ANOTHER: Final = "its controller sent another request"
-NONE: Final[list[Adu]] = []
+NO_OTHERS: Final[list[Adu]] = []
 """No requests beside the one that the bytes were."""
 
 
@@ -107,7 +107,7 @@ class MbapControllerPort(ControllerPort):
         decoder = self._decoder
         pdu = decoder.one(data)
         is_one = len(pdu) > 0
-        requests = NONE if is_one else decoder.feed(data)
+        requests = NO_OTHERS if is_one else decoder.feed(data)
         is_any = is_one or len(requests) > 0
         why_given_up = TOO_SLOW if is_any and now_ns - began_ns > self.patience_ns else ""
         beats = self._exchange.beats

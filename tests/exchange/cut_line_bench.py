@@ -43,6 +43,7 @@ class PiecePort(Port):
         return not self.is_busy
 
     def lead(self, piece: bytes) -> None:
+        self.stamps.ready_ns = self.site.bench.now_ns
         self.on_piece()
         self.left.append((self.site.bench.now_ns, piece))
         self.stamps.sent_ns = self.site.bench.now_ns
@@ -77,6 +78,7 @@ class PieceLink(Link):
         return not self.is_busy
 
     def lead(self, piece: bytes) -> None:
+        self.stamps.ready_ns = self.now_ns()
         self.on_piece()
         self.left.append((self.now_ns(), piece))
         self.stamps.sent_ns, self.stamps.wire_ns_per_byte = self.now_ns(), CHAR_NS

@@ -309,6 +309,33 @@ def test_a_request_is_torn_where_it_is_written_later_than_the_transmitter_is_emp
     assert (line.requests(), line.cuts.torn) == ({Turn.COMMITTED: 1}, torn)
 
 
+@pytest.mark.parametrize("is_good", [True, False])
+def test_what_leaves_in_one_write_is_not_torn_however_late_that_is_and_its_silence_begins_behind_it(
+    is_good: bool,
+) -> None:
+    line = site()
+    frame = frame_of(NEXT)
+    began_ns = line.come(frame[:4])  # nobody looks at 4.2
+    line.bench.now_ns = began_ns + 5 * MS
+    stands_still(line, line.link, 0, 5.0)  # what is read at 5 is written at 10
+    line.hear(line.cnc, frame[4:] if is_good else frame[4:-1] + bytes((frame[-1] ^ 0x10,)))
+    assert [(when, len(bytes.fromhex(data))) for when, data in line.to_drives(began_ns)] == [(10.0, 13)]
+    assert line.cuts.torn == 0
+    if not is_good:  # 13 characters and three silences of 3.5
+        assert line.line.deadline_ns == began_ns + 33_500_000
+
+
+def test_the_guard_rings_in_time_also_where_the_writing_has_taken_its_time() -> None:
+    line = site()
+    stands_still(line, line.link, 0, 0.8)  # the first four bytes are with the driver at 4.2 or at 5.0
+    began_ns = line.come(frame_of(NEXT)[:10])
+    line.pass_to(began_ns + 20 * MS)
+    *_, (when, data) = line.to_drives(began_ns)
+    # Seven bytes, from 4.2 on, are off the wire at 11.2: filled up 0.125 before.
+    assert (when, len(bytes.fromhex(data))) == (11.075, 6)
+    assert (line.requests(), line.cuts.torn) == ({Turn.STALLED: 1}, 0)
+
+
 @pytest.mark.parametrize(("late_ms", "torn"), [(0.1, 0), (1.0, 1)])
 def test_a_reply_is_torn_where_it_is_written_later_than_the_transmitter_is_empty(
     late_ms: float, torn: int

@@ -175,7 +175,7 @@ def _lay_out(tree: Path, files: dict[str, str]) -> None:
     shutil.copytree(ROOT / "gateway", installed, ignore=shutil.ignore_patterns("__pycache__"))
     for shared in ROOT.glob("*.so"):  # what compiled modules have in common, where they are compiled
         shutil.copy(shared, installed.parent)
-    for copied in installed.rglob("*"):
+    for copied in installed.parent.rglob("*"):
         copied.chmod(0o755 if copied.is_dir() else 0o644)
     system = tree / "etc/systemd/system"
     for unit in MASKED:

@@ -17,7 +17,7 @@ from gateway.exchange.ports import ControllerPort as AnyPort
 from gateway.exchange.ports import Stamps
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
 from gateway.relay.controller_port import MbapControllerPort, Requests
-from gateway.relay.drive_link import MbapDriveLink
+from gateway.relay.drive_link import NONE, MbapDriveLink
 from gateway.relay.pulse import Beats
 from gateway.transport.channel import Channel
 from tests.verify import rules
@@ -110,12 +110,12 @@ class BytesLink(MbapDriveLink):
 
     def abandon(self) -> None:
         """See ``DriveLink``."""
-        self.is_abandoned |= self._awaited_id is not None
+        self.is_abandoned |= self._awaited_id != NONE
         super().abandon()
 
     def number(self, *, is_late: bool) -> int:
         """Return the number of the request that is out, or of the newest that was given up."""
-        if not is_late and self._awaited_id is not None:
+        if not is_late and self._awaited_id != NONE:
             return self._awaited_id
         return next(reversed(self._unanswered), NOBODY)
 
@@ -236,11 +236,11 @@ class BytesWorld(World):
         late = link.number(is_late=True) if state.late is not None else 0
         asked = dict(link._unanswered)
         kept = [each for each in asked if each in (split, late)]
-        if link._awaited_id is not None:
+        if link._awaited_id != NONE:
             kept.append(link._awaited_id)
         numbers = {before: number for number, before in enumerate(kept, 1)}
         link._last_id = len(kept)
-        if link._awaited_id is not None:
+        if link._awaited_id != NONE:
             link._awaited_id = numbers[link._awaited_id]
         link._unanswered.clear()
         link._unanswered.update(
