@@ -25,6 +25,7 @@ from bench.results import Goal, Section
 from bench.scenarios import cut, hot, load, memory, period, rtu, scale, supervisor, tcp, wire
 
 SO_FAR: Final = BUILD / "so-far.json"
+"""The sections of a run that has not come to its end, if it has measured any."""
 SCENARIOS: Final[dict[str, Callable[[Bench], Section]]] = {
     "hot": hot.run,
     "tcp": tcp.run,
@@ -56,7 +57,7 @@ def main() -> int:
         return 1
     except KeyboardInterrupt:
         say.end()
-        sys.stderr.write(f"stopped; what was measured until then is in {SO_FAR}\n")
+        sys.stderr.write(f"stopped; what was measured until then, if anything, is in {SO_FAR}\n")
         return 130
     say.end()
     sys.stdout.write(report.terminal(sections))
@@ -103,6 +104,7 @@ def _measured(
     BUILD.mkdir(exist_ok=True)
     say("building")
     programs, python, compiled = build_programs(), compared_python(say), compiled_package(say)
+    SO_FAR.unlink(missing_ok=True)
     disturbance = machine.Disturbance()
     bench = Bench(programs, python, compiled, Meter(programs), effort, Processors.of_this_machine(), say)
     sections: list[Section] = []
