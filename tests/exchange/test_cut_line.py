@@ -17,6 +17,7 @@ from gateway.exchange.cut_through import Turn
 from gateway.exchange.latency import bucket_of
 from gateway.exchange.leads import (
     LEARNED_AFTER,
+    REMEMBERED,
     Piece,
     acknowledgement_shape,
     margin_ns,
@@ -331,6 +332,22 @@ def test_the_next_request_leaves_so_much_later_as_the_gateway_took_between_readi
     began_ns = line.come(frame_of(write(COMMAND, 10_200)))
     assert line.to_drives(began_ns)[0] == begins
     assert line.requests() == {Turn.COMMITTED: 2}
+
+
+def test_a_late_writing_is_forgotten_after_a_while_whatever_lead_it_has_brought() -> None:
+    line = site()
+    stands_still(line, line.link, 4, 2.0)
+    begins = []
+    for number in range(REMEMBERED + 2):
+        began_ns = line.come(frame_of(write(COMMAND, 10_040 + 20 * number)))
+        begins.append(line.to_drives(began_ns)[0][0])
+        line.link.on_piece = lambda: None
+        line.pass_to(line.bench.now_ns + 10 * MS)
+        line.reply(ACKNOWLEDGED)
+        line.pass_to(line.bench.now_ns + 10 * MS)
+    # 13 − 7 characters after the first one at 1, half of the 2 that it was late, and the margin.
+    assert begins == [4.325, *[7.325] * REMEMBERED, 4.325]
+    assert line.requests() == {Turn.COMMITTED: REMEMBERED + 2}
 
 
 @pytest.mark.parametrize("is_good", [True, False])

@@ -199,6 +199,19 @@ def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_a
     assert lead.lead_ns == 4000
 
 
+def test_a_late_writing_is_remembered_with_half_of_what_it_was_late_and_forgotten_after_a_while() -> None:
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(LEARNED_AFTER):
+        lead.note(steady(13))
+    lead.note(steady(13), left_ns=3900)
+    assert lead.lead_ns == 3000 + 900 + 450 + 1000
+    for _ in range(REMEMBERED - 1):
+        lead.note(steady(13), left_ns=3000)
+    assert lead.lead_ns == 5350
+    lead.note(steady(13), left_ns=3000)
+    assert lead.lead_ns == 4000
+
+
 def test_a_port_that_hands_frames_over_whole_stores() -> None:
     lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(2 * LEARNED_AFTER):
