@@ -79,6 +79,7 @@ NOT_COMPARED: Final = {
     "_left_ns": "of a frame that is cut through: for the count of torn ones and for what is learned alone",
     "_off_ns": "the same",
     "needed_ns": "for what is learned alone",
+    "own_ns": "the same",
     "_port_counts": "the same",
     "since_ns": "only told: axes keep their own",
     "timeouts": "only told: how many there were in a row is in the state",
