@@ -24,6 +24,7 @@ from gateway.exchange.leads import (
     Piece,
     Shape,
     acknowledgement_shape,
+    margin_ns,
     read_shape,
     reply_shape,
     write_shape,
@@ -65,10 +66,10 @@ class SteadyLead(MeasuredLead):
     """The lead of a port that was measured before, and stays as it is."""
 
     def __init__(self, shape: Shape) -> None:
-        super().__init__(shape, CHAR_NS, CHAR_NS)
+        super().__init__(shape, CHAR_NS, CHAR_NS, margin_ns(CHAR_NS))
         self.lead_ns = LEAD_NS
 
-    def note(self, pieces: Sequence[Piece]) -> None:
+    def note(self, pieces: Sequence[Piece], left_ns: int = 0) -> None:
         """See ``MeasuredLead``."""
 
 
@@ -76,7 +77,7 @@ class SteadyHeads(Heads):
     """What requests begin like is learned as ever; how they come and what they gain is known."""
 
     def __init__(self) -> None:
-        super().__init__(CHAR_NS, CHAR_NS)
+        super().__init__(CHAR_NS, CHAR_NS, margin_ns(CHAR_NS))
         self._leads.update((shape, SteadyLead(shape)) for shape in (read_shape(), write_shape(2, 0, 2)))
 
     def came(self, frame: bytes) -> None:
@@ -94,7 +95,7 @@ class SteadyReplies(Replies):
     """What is answered is learned as ever, but for its data, which only fill up; how it comes is known."""
 
     def __init__(self) -> None:
-        super().__init__(CHAR_NS, CHAR_NS)
+        super().__init__(CHAR_NS, CHAR_NS, margin_ns(CHAR_NS))
         shapes = acknowledgement_shape(), reply_shape(1), reply_shape(2, [(0, 2)])
         self._leads.update((shape, SteadyLead(shape)) for shape in shapes)
 
@@ -102,7 +103,7 @@ class SteadyReplies(Replies):
         """See ``Replies``."""
         super().note(transaction, passed[:2] + bytes(len(passed) - 2))
 
-    def measure(self, shape: Shape, pieces: Sequence[Piece]) -> MeasuredLead:
+    def measure(self, shape: Shape, pieces: Sequence[Piece], left_ns: int = 0) -> MeasuredLead:
         """See ``Replies``."""
         return self._leads[shape]
 
@@ -117,7 +118,7 @@ class SteadyReplies(Replies):
 class SteadyPauses(Pauses):
     """Pieces are as far apart as a character."""
 
-    def note(self, pieces: Sequence[Piece]) -> None:
+    def note(self, pieces: Sequence[Piece], left_ns: int = 0) -> None:
         """See ``Pauses``."""
 
 
