@@ -69,7 +69,7 @@ class SteadyLead(MeasuredLead):
         super().__init__(shape, CHAR_NS, CHAR_NS, margin_ns(CHAR_NS))
         self.lead_ns = LEAD_NS
 
-    def note(self, pieces: Sequence[Piece], left_ns: int = 0) -> None:
+    def note(self, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0) -> None:
         """See ``MeasuredLead``."""
 
 
@@ -103,7 +103,9 @@ class SteadyReplies(Replies):
         """See ``Replies``."""
         super().note(transaction, passed[:2] + bytes(len(passed) - 2))
 
-    def measure(self, shape: Shape, pieces: Sequence[Piece], left_ns: int = 0) -> MeasuredLead:
+    def measure(
+        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0
+    ) -> MeasuredLead:
         """See ``Replies``."""
         return self._leads[shape]
 
@@ -118,7 +120,7 @@ class SteadyReplies(Replies):
 class SteadyPauses(Pauses):
     """Pieces are as far apart as a character."""
 
-    def note(self, pieces: Sequence[Piece], left_ns: int = 0) -> None:
+    def note(self, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0) -> None:
         """See ``Pauses``."""
 
 
