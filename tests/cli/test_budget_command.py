@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 from tests.child import started
 from tests.config.config_bench import TWO_WAYS, edited, written
 
