@@ -14,7 +14,7 @@ from bench.places import BUILD, ROOT, SOURCES
 
 FLAGS: Final = ("-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror")
 SHARED: Final = ("endpoints.c", "frames.c")
-PROGRAMS: Final = ("load", "drive", "relay")
+PROGRAMS: Final = ("load", "drive", "relay", "wire", "witness")
 COMPARED: Final = ("modbus-proxy>=0.8,<0.9", "pymodbus>=3.16.1,<3.17", "matplotlib>=3.8,<4")
 """From the package index, into an environment of its own: the gateway's stays as its users have it."""
 
@@ -26,6 +26,8 @@ class Programs:
     load: Path
     drive: Path
     relay: Path
+    wire: Path
+    witness: Path
 
 
 def build_programs(folder: Path = BUILD / "bin") -> Programs:

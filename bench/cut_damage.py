@@ -19,7 +19,7 @@ from typing import Final
 from bench.cut_line import BITS, WRITE_HEAD, damaged, has_whole
 from gateway.exchange.cut_line import SPOILT_SILENCES
 from gateway.exchange.cut_through import Cut, CutThrough, Judge, Opening, Pace, Turn
-from gateway.exchange.leads import ADDRESS_KNOWN, GUARD_NS, MARGIN_NS, lead_ns, write_shape
+from gateway.exchange.leads import ADDRESS_KNOWN, guard_ns, lead_ns, margin_ns, write_shape
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu_arrival import BLOCK_HEAD, RequestArrival
 from gateway.modbus.rtu_line import pause_ns, silence_ns
@@ -66,8 +66,8 @@ class Damage:
         self.rng = Random(seed)
         self.char_ns = round(BITS * NS_PER_S / baudrate)
         self.silence_ns = silence_ns(baudrate)
-        self.pace = Pace(self.char_ns, self.char_ns + pause_ns(self.silence_ns), GUARD_NS)
-        lead = lead_ns(SHAPE, self.char_ns, self.char_ns) - self.char_ns + MARGIN_NS
+        self.pace = Pace(self.char_ns, self.char_ns + pause_ns(self.silence_ns), guard_ns(self.char_ns))
+        lead = lead_ns(SHAPE, self.char_ns, self.char_ns) - self.char_ns + margin_ns(self.char_ns)
         self.judge = _Adds(lead)
         self.out = PacedWire(baudrate)
         self.ears = [Ear(hearing, baudrate) for hearing in HEARINGS]

@@ -4,8 +4,9 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
@@ -20,13 +21,21 @@ from bench.places import ROOT
 from bench.processes import Process, Processes, environment
 from bench.realtime import realtime_refused
 from bench.results import Goal, Section, Table
-from bench.serial_times import round_trip_ns
+from bench.serial_times import BITS_PER_CHARACTER, round_trip_ns
+from gateway.exchange.leads import guard_ns
 from gateway.simulator.pty import Pty
+from gateway.times import NS_PER_S, NS_PER_US
 
 BAUDRATE: Final = 9600
+GUARD: Final = guard_ns(BITS_PER_CHARACTER * NS_PER_S // BAUDRATE)
 RELAY_PRIORITY: Final = 50
 ENDS_PRIORITY: Final = 60
 """Wires, controller and drive keep better time than what is measured, where that is allowed."""
+WITNESS_PRIORITY: Final = 99
+WITNESS_PERIOD_US: Final = 100
+WITNESS_LATE_US: Final = 50
+"""A witness on each processor, above all others, notes when it came so late: what stood still then was the
+machine, whatever else is late."""
 ENDLESS: Final = "while True: pass"
 KINDS: Final = ("write", "cycle")
 ROUND: Final = 150
@@ -66,10 +75,24 @@ class Seen:
     """Replies that did not come, or that were no frame."""
     written: int = 0
     """Writes that the drive took beyond those that its controller sent."""
-    pauses: int = 0
-    longest_us: int = 0
+    pauses_us: list[int] = field(default_factory=list)
+    """Pauses inside of frames, how long."""
+    excused: int = 0
+    """Of these pauses, while a processor stood still."""
+    stood: int = 0
+    """How often one stood still for longer than the guard."""
+    stood_us: int = 0
+    """And the longest of that."""
     through: str = ""
     spoilt: str = ""
+
+    torn: int = 0
+    """Frames that the gateway says it may have torn, by the clock before and after each write."""
+
+    @property
+    def own(self) -> int:
+        """Those of them that were its own doing: no processor stood still."""
+        return max(0, self.torn - self.excused)
 
 
 def add_to(section: Section, bench: Bench) -> None:
@@ -80,7 +103,16 @@ def add_to(section: Section, bench: Bench) -> None:
         "processes of their own, a controller and a drive in C. The controller writes positions; then it "
         "writes one, reads it back and reads four registers in turns. *Pauses* is how often a wire was "
         "silent inside of a frame, of whatever length; *asked again* how many replies did not come or were "
-        "no frame. Busy: an endless loop for each processor, at the usual priority."
+        "no frame. Busy: an endless loop for each processor, at the usual priority. A witness on each "
+        f"processor asks for it every {WITNESS_PERIOD_US} µs with SCHED_FIFO {WITNESS_PRIORITY}, above "
+        "everything else: *stood still* is how often it came later than the guard of a frame "
+        f"({GUARD // NS_PER_US} µs), and the longest. Then the kernel or the host of a virtual machine "
+        "had the processor, and no program could have written. *Torn* is what the gateway says of itself, by "
+        "the clock before and after each write. What it wrote in time can come late on the wire all the "
+        "same: between pseudo terminals a worker of the kernel carries it, at the usual priority. Torn "
+        "frames are the gateway's own doing but for as many as there were pauses with a witness that was "
+        f"late by more than {WITNESS_LATE_US} µs, between one guard before the wire was empty and the next "
+        "byte."
     )
     if refused:
         section.text.append(f"This machine refuses real-time scheduling: {refused}.")
@@ -94,7 +126,7 @@ def add_to(section: Section, bench: Bench) -> None:
         section.goals += _goals(case, seen)
     heads = (
         "", "write p50 ms", "added ÷ direct", "exchanges", "cut through", "spoilt", "asked again",
-        "pauses", "longest µs",
+        "pauses", "while one stood still", "longest µs", "torn", "stood still", "longest µs",
     )  # fmt: skip
     caption = f"Between pseudo terminals, {BAUDRATE} Bd. Cut through and spoilt: requests + replies."
     section.tables.append(Table(heads, tuple(rows), caption))
@@ -103,7 +135,10 @@ def add_to(section: Section, bench: Bench) -> None:
 def _row(case: Case, seen: Seen) -> tuple[str, ...]:
     write_ns = median(seen.writes_ns)
     added = write_ns / round_trip_ns(BAUDRATE, 1) - 1
-    counts = (seen.answered, seen.through, seen.spoilt, seen.failed, seen.pauses, seen.longest_us)
+    counts = (
+        seen.answered, seen.through, seen.spoilt, seen.failed, len(seen.pauses_us), seen.excused,
+        max(seen.pauses_us, default=0), seen.torn, seen.stood, seen.stood_us,
+    )  # fmt: skip
     return (case.name, f"{write_ns / 1e6:.2f}", f"{added:.3f}", *map(str, counts))
 
 
@@ -115,7 +150,8 @@ def _goals(case: Case, seen: Seen) -> list[Goal]:
         Goal(f"{what}: writes that a drive took and its controller had not sent", 0.0, _sure(seen.written))
     ]
     if case.name == BUSY_FIFO:
-        goals.append(Goal(f"{what}: frames torn", 0.0, _sure(seen.pauses)))
+        remark = f"{seen.torn} torn, {seen.excused} pauses while a processor stood still"
+        goals.append(Goal(f"{what}: frames torn by the gateway", 0.0, _sure(seen.own), remark=remark))
     return goals
 
 
@@ -132,7 +168,7 @@ def _seen(bench: Bench, case: Case, priority: int) -> Seen:
         def wire() -> tuple[Pty, Pty]:
             left, right = (stack.enter_context(closing(Pty())) for _ in range(2))
             fds = (left.master_fd, right.master_fd)
-            words = [sys.executable, "-m", "bench.wire", *map(str, (BAUDRATE, *fds, priority))]
+            words = [str(bench.programs.wire), *map(str, (BAUDRATE, *fds, priority))]
             wires.append(processes.start(f"cut-wire-{len(wires)}", words, fds=fds, is_talking=True))
             return left, right
 
@@ -154,6 +190,7 @@ def _seen(bench: Bench, case: Case, priority: int) -> Seen:
             sent += _writes(kind, bench.meter.attempt(way, Load(LEARNED, kind, warmup=0))[0]["sent"])
         for number in range(len(os.sched_getaffinity(0)) if case.is_busy else 0):
             processes.start(f"busy-{number}", [sys.executable, "-c", ENDLESS])
+        witnesses = _witnesses(bench, processes) if priority else []
         for _ in range(bench.effort.of(case.rounds, 1)):
             for kind in KINDS:
                 said, took_ns = bench.meter.attempt(way, Load(ROUND, kind, warmup=0, fifo=priority))
@@ -162,13 +199,30 @@ def _seen(bench: Bench, case: Case, priority: int) -> Seen:
                 sent += _writes(kind, said["sent"])
                 seen.writes_ns += took_ns if kind == "write" else []
         if case.cuts_through:
-            seen.through, seen.spoilt = _status(gateway.config)
+            seen.through, seen.spoilt, seen.torn = _status(gateway.config)
         seen.written = drive.stop()["writes"] - sent
-        for each in wires:
-            said = json.loads(processes.stop(each))
-            seen.pauses += said["pauses"]
-            seen.longest_us = max(seen.longest_us, said["longest_us"])
+        pauses = [pause for each in wires for pause in json.loads(processes.stop(each))]
+        late = [each for witness in witnesses for each in json.loads(processes.stop(witness))]
+    seen.pauses_us = [pause_ns // NS_PER_US for _, pause_ns in pauses]
+    seen.excused = sum(_stood_still(pause, late) for pause in pauses)
+    longer = [late_ns for _, late_ns in late if late_ns > GUARD]
+    seen.stood, seen.stood_us = len(longer), max(longer, default=0) // NS_PER_US
     return seen
+
+
+def _witnesses(bench: Bench, processes: Processes) -> list[Process]:
+    words = [str(bench.programs.witness), *map(str, (WITNESS_PERIOD_US, WITNESS_LATE_US, WITNESS_PRIORITY))]
+    return [
+        processes.start(f"witness-{cpu}", words, cpus=(cpu,), is_talking=True)
+        for cpu in sorted(os.sched_getaffinity(0))
+    ]
+
+
+def _stood_still(pause: Sequence[int], late: Iterable[Sequence[int]]) -> bool:
+    """Whether a witness was late between the guard of a frame and the byte that came behind the pause."""
+    came_ns, pause_ns = pause
+    guarded_ns = came_ns - pause_ns - GUARD
+    return any(due_ns <= came_ns and due_ns + late_ns >= guarded_ns for due_ns, late_ns in late)
 
 
 def _writes(kind: str, sent: int) -> int:
@@ -176,8 +230,8 @@ def _writes(kind: str, sent: int) -> int:
     return sent if kind == "write" else -(-sent // 3)
 
 
-def _status(config: Path) -> tuple[str, str]:
-    """Return how many requests and replies were cut through, and how many were spoilt."""
+def _status(config: Path) -> tuple[str, str, int]:
+    """Return how many requests and replies were cut through, how many were spoilt, and how many torn."""
     done = subprocess.run(
         gateway_command("status", config, "--json"),
         capture_output=True, text=True, check=False, cwd=ROOT, env=environment(), timeout=60,
@@ -187,4 +241,5 @@ def _status(config: Path) -> tuple[str, str]:
     (line,) = json.loads(done.stdout)["lines"].values()
     both: list[dict[str, Any]] = [line["cut_through"][what] for what in ("requests", "replies")]
     through = " + ".join(str(each["cut_through"]) for each in both)
-    return through, " + ".join(str(sum(each["spoilt"].values())) for each in both)
+    spoilt = " + ".join(str(sum(each["spoilt"].values())) for each in both)
+    return through, spoilt, line["cut_through"]["torn"]

@@ -1,6 +1,5 @@
 """RTU on wires with a baud rate: measured beside what arithmetic says."""
 
-import sys
 from contextlib import ExitStack, closing
 from functools import partial
 from operator import attrgetter
@@ -29,11 +28,11 @@ def run(bench: Bench) -> Section:
     """Measure writes of one position at three baud rates."""
     section = Section.of(
         TITLE,
-        "Writes of one position (13 characters) and their replies (8 characters) of ten bits, on the "
-        "simulator's wire between pseudo terminals: one wire directly, two with the gateway between them, "
+        "Writes of one position (13 characters) and their replies (8 characters) of ten bits, on "
+        "wires between pseudo terminals: one wire directly, two with the gateway between them, "
         "which hands on whole frames. *Wire* is arithmetic: characters × bits ÷ baud rate × wires. *Above "
-        "it* is what was measured beyond that: the programs, and the simulated wire's own timers (a process "
-        "in Python for each wire). *Beyond two wires* is the round trip through the gateway minus twice the "
+        "it* is what was measured beyond that: the programs, and the wires' own timers (a process in C for "
+        "each wire). *Beyond two wires* is the round trip through the gateway minus twice the "
         "direct one. *Budget* is what `pitch-gateway budget` computes for the same exchange, with the time "
         "that it reckons for the gateway itself.",
     )
@@ -71,8 +70,8 @@ def _series(bench: Bench, baudrate: int) -> tuple[Series, Budget | None]:
         def wire() -> Cable:
             cable = Cable(stack.enter_context(closing(Pty())), stack.enter_context(closing(Pty())))
             fds = (cable.near.master_fd, cable.far.master_fd)
-            command = [sys.executable, "-m", "bench.wire", str(baudrate), *map(str, fds)]
-            processes.start(f"wire-{baudrate}", command, fds=fds)
+            command = [str(bench.programs.wire), *map(str, (baudrate, *fds))]
+            processes.start(f"wire-{baudrate}", command, fds=fds, is_talking=True)
             return cable
 
         direct, near, far = wire(), wire(), wire()

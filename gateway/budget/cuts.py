@@ -10,10 +10,10 @@ from typing import Final, NamedTuple
 
 from gateway.drives.motion import Addressing, Form
 from gateway.exchange.leads import (
-    MARGIN_NS,
     Shape,
     acknowledgement_shape,
     lead_ns,
+    margin_ns,
     read_shape,
     reply_shape,
     stored_ns,
@@ -45,9 +45,9 @@ def lead_of(shape: Shape, in_ns: int, out_ns: int) -> Lead:
     """Return how a frame leaves between two wires with so long characters, as ``MeasuredLead`` would have it.
 
     >>> lead_of(write_shape(2, 0, 2), 1_145_833, 1_145_833)  # both at 9 600 baud, 8E1
-    Lead(lead_ns=4783332, saves_ns=10112497)
+    Lead(lead_ns=4944790, saves_ns=9951039)
     """
-    after_ns = lead_ns(shape, in_ns, out_ns) + MARGIN_NS
+    after_ns = lead_ns(shape, in_ns, out_ns) + margin_ns(out_ns)
     saves_ns = stored_ns(shape, in_ns) - after_ns
     return Lead(after_ns, saves_ns if saves_ns >= max(in_ns, out_ns) else 0)
 

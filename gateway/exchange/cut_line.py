@@ -18,7 +18,7 @@ from gateway.exchange.cut_requests import WRITE, Heads, RequestJudge, beginning_
 from gateway.exchange.cut_through import CUT_AFTER, Cut, CutThrough, Pace, Turn
 from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import ReadPath, WritePath
-from gateway.exchange.leads import CRC_BYTES, GUARD_NS, REMEMBERED, MeasuredLead, Piece
+from gateway.exchange.leads import CRC_BYTES, REMEMBERED, MeasuredLead, Piece, guard_ns, margin_ns
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import FastPath, Phase, Transaction
 from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
@@ -176,16 +176,29 @@ class CutLine:
 class RequestCutter:
     """The requests of one port as they arrive."""
 
-    __slots__ = ("_cut", "_cuts", "_last_ns", "_now_ns", "_pauses", "_wire", "heads", "port", "replies")
+    __slots__ = (
+        "_came",
+        "_cut",
+        "_cuts",
+        "_last_ns",
+        "_now_ns",
+        "_pauses",
+        "_wire",
+        "heads",
+        "port",
+        "replies",
+    )
 
     def __init__(self, cuts: CutLine, port: ControllerPort, wire: Wire) -> None:
         self.port = port
-        self.heads = Heads(wire.char_ns, cuts.wire.char_ns)
-        self.replies = Replies(cuts.wire.char_ns, wire.char_ns)
+        self.heads = Heads(wire.char_ns, cuts.wire.char_ns, margin_ns(cuts.wire.char_ns))
+        self.replies = Replies(cuts.wire.char_ns, wire.char_ns, margin_ns(wire.char_ns))
         self._cuts = cuts
         self._wire = wire
         self._pauses = Pauses(wire.char_ns)
         self._cut: CutThrough | None = None
+        self._came: CutThrough | None = None
+        """One that came whole, and from which the port has not learned yet."""
         self._last_ns = 0
         """When its last byte came."""
         self._now_ns = 0
@@ -217,7 +230,7 @@ class RequestCutter:
         was, was_known = cut.state, cut.arrival.known
         out = cut.feed(data, now_ns)
         if was_known is not Known.GOOD and cut.arrival.known is Known.GOOD:
-            self._measure(cut)
+            self._came = cut
         return self._go_on(cut, was, out)
 
     def tick(self, now_ns: int) -> None:
@@ -239,9 +252,10 @@ class RequestCutter:
         return self._wire.pause_ns + self._pauses.longest_ns
 
     def _begin(self) -> None:
+        self._learn()
         cuts = self._cuts
         judge = RequestJudge(self.port, cuts.units, self.heads, self._may_lead, cuts.line.leaves)
-        pace = Pace(cuts.wire.char_ns, self._stall_ns, GUARD_NS)
+        pace = Pace(cuts.wire.char_ns, self._stall_ns, guard_ns(cuts.wire.char_ns))
         self._cut = CutThrough(RequestArrival(), judge, pace, self._turned)
 
     def _may_lead(self) -> bool:
@@ -282,19 +296,24 @@ class RequestCutter:
         cuts.on_change()
         return is_whole
 
-    def _measure(self, cut: CutThrough) -> None:
+    def _learn(self) -> None:
+        """Learn from the request before, when the next one begins: nothing that leaves waits for it."""
+        cut, self._came = self._came, None
+        if cut is None:
+            return
         self._pauses.note(cut.pieces)
         frame = cut.arrival.data
         shape = shape_of(self._cuts.units.path_of(frame[0], frame[1:-CRC_BYTES]), frame)
         if shape is not None:
-            self._cuts.note_gain(self.port.name, "requests", self.heads.measure(shape, cut.pieces))
+            lead = self.heads.measure(shape, cut.pieces, cut.needed_ns)
+            self._cuts.note_gain(self.port.name, "requests", lead)
             self.heads.came(beginning_of(frame))
 
 
 class ReplyCutter:
     """The replies of the drives of one line as they arrive."""
 
-    __slots__ = ("_cut", "_cuts", "_judge", "_now_ns", "_pauses", "_transaction")
+    __slots__ = ("_came", "_cut", "_cuts", "_judge", "_now_ns", "_pauses", "_transaction")
 
     def __init__(self, cuts: CutLine) -> None:
         self._cuts = cuts
@@ -303,6 +322,8 @@ class ReplyCutter:
         """Whose reply is followed."""
         self._cut: CutThrough | None = None
         """None: of its reply nothing leaves early."""
+        self._came: tuple[CutThrough, Transaction] | None = None
+        """One that came whole, and from which the port has not learned yet."""
         self._judge: ReplyJudge | None = None
         self._now_ns = 0
 
@@ -326,7 +347,7 @@ class ReplyCutter:
         was, was_known = cut.state, cut.arrival.known
         out = cut.feed(data, now_ns)
         if was_known is not Known.GOOD and cut.arrival.known is Known.GOOD:
-            self._measure(cut, transaction)
+            self._came = cut, transaction
         self._go_on(cut, was, out)
 
     def tick(self, now_ns: int) -> None:
@@ -349,6 +370,7 @@ class ReplyCutter:
         return judge.turned if judge is not None and self._transaction is transaction else None
 
     def _begin(self) -> None:
+        self._learn()
         transaction = self._transaction
         if transaction is None or transaction.phase is not Phase.SENT or transaction.is_orphan:
             return
@@ -356,7 +378,8 @@ class ReplyCutter:
         if cutter is None or reply_shape_of(transaction) is None:
             return
         self._judge = ReplyJudge(transaction, cutter.replies, self._may_lead)
-        pace = Pace(cutter.wire.char_ns, self._cuts.wire.pause_ns + self._pauses.longest_ns, GUARD_NS)
+        char_ns, stall_ns = cutter.wire.char_ns, self._cuts.wire.pause_ns + self._pauses.longest_ns
+        pace = Pace(char_ns, stall_ns, guard_ns(char_ns))
         arrival = ReplyArrival(transaction.wire_unit_id, transaction.pdu)
         self._cut = CutThrough(arrival, self._judge, pace, self._turned)
 
@@ -403,11 +426,16 @@ class ReplyCutter:
         if cutter is not None and shape is not None:
             cutter.replies.rest(shape)
 
-    def _measure(self, cut: CutThrough, transaction: Transaction) -> None:
+    def _learn(self) -> None:
+        """Learn from the reply before, when the next one begins; see ``RequestCutter``."""
+        if self._came is None:
+            return
+        (cut, transaction), self._came = self._came, None
         self._pauses.note(cut.pieces)
         cutter, shape = self._cuts.of(transaction.port), reply_shape_of(transaction)
         if cutter is not None and shape is not None:
-            self._cuts.note_gain(cutter.port.name, "replies", cutter.replies.measure(shape, cut.pieces))
+            lead = cutter.replies.measure(shape, cut.pieces, cut.needed_ns)
+            self._cuts.note_gain(cutter.port.name, "replies", lead)
 
 
 def _sent_pdu(transaction: Transaction) -> bytes:

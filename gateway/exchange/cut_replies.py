@@ -17,7 +17,6 @@ from gateway.exchange.fast_path import ReadPath, WritePath
 from gateway.exchange.leads import (
     COUNT_KNOWN,
     FUNCTION_KNOWN,
-    MARGIN_NS,
     MeasuredLead,
     Piece,
     Shape,
@@ -60,7 +59,7 @@ class Replies:
 
     __slots__ = ("_in_ns", "_leads", "_margin_ns", "_out_ns", "_passed", "_stored")
 
-    def __init__(self, in_ns: int, out_ns: int, margin_ns: int = MARGIN_NS) -> None:
+    def __init__(self, in_ns: int, out_ns: int, margin_ns: int) -> None:
         self._in_ns = in_ns
         self._out_ns = out_ns
         self._margin_ns = margin_ns
@@ -76,12 +75,12 @@ class Replies:
             self._passed.clear()
         self._passed[key] = passed
 
-    def measure(self, shape: Shape, pieces: Sequence[Piece]) -> MeasuredLead:
+    def measure(self, shape: Shape, pieces: Sequence[Piece], left_ns: int = 0) -> MeasuredLead:
         """Learn from how a reply came, whatever became of it; return what is known now."""
         lead = self._leads.get(shape)
         if lead is None:
             lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
-        lead.note(pieces)
+        lead.note(pieces, left_ns)
         left = self._stored.pop(shape, 0) - 1
         if left > 0:
             self._stored[shape] = left

@@ -20,7 +20,6 @@ from gateway.exchange.fast_path import WritePath
 from gateway.exchange.leads import (
     ADDRESS_KNOWN,
     FUNCTION_KNOWN,
-    MARGIN_NS,
     MeasuredLead,
     Piece,
     Shape,
@@ -91,7 +90,7 @@ class Heads:
 
     __slots__ = ("_expected", "_gains", "_in_ns", "_leads", "_margin_ns", "_out_ns", "_stored")
 
-    def __init__(self, in_ns: int, out_ns: int, margin_ns: int = MARGIN_NS) -> None:
+    def __init__(self, in_ns: int, out_ns: int, margin_ns: int) -> None:
         self._margin_ns = margin_ns
         self._in_ns = in_ns
         self._out_ns = out_ns
@@ -124,12 +123,12 @@ class Heads:
         is_expected = shape is not None and is_alike and is_fit_head(head)
         self._expected[beginning] = Expected(shape, sent) if shape is not None and is_expected else None
 
-    def measure(self, shape: Shape, pieces: Sequence[Piece]) -> MeasuredLead:
+    def measure(self, shape: Shape, pieces: Sequence[Piece], left_ns: int = 0) -> MeasuredLead:
         """Learn from how a request came, whatever became of it; return what is known now."""
         lead = self._leads.get(shape)
         if lead is None:
             lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
-        lead.note(pieces)
+        lead.note(pieces, left_ns)
         return lead
 
     def came(self, frame: bytes) -> None:

@@ -147,31 +147,48 @@ def needed_ns(shape: Shape, pieces: Sequence[Piece], out_ns: int) -> int:
     return most_ns
 
 
-GUARD_NS: Final = 125_000
-"""So long before the transmitter is empty a frame that stalls is filled up. It is what the timer that rings
-then, a turn of the loop and a write may take together: nobody sees that in what came, so nothing teaches it.
-"""
+GUARDED: Final = 4
+"""The guard is so large a part of a character,"""
+LEAST_GUARD_NS: Final = 125_000
+"""and never less: where characters are long, more time costs as small a part of a round trip."""
 LATER_NS: Final = 75_000
 """So much later than the latest that was seen, and half of what they differed by, bytes may come. Less than
 the guard, because a frame whose bytes come later still is spoilt, and one whose guard rings later is torn."""
-MARGIN_NS: Final = GUARD_NS + LATER_NS
-"""So much longer the first byte of a frame waits than the frames before it needed."""
 LEARNED_AFTER: Final = 32
 """Frames of a shape that are stored before the first one may leave early: nobody knows the port before."""
 REMEMBERED: Final = 256
 """Frames whose needs count: a port that was disturbed once is trusted again after so many."""
 
 
+def guard_ns(out_ns: int) -> int:
+    """Return how long before the transmitter is empty a frame that stalls is filled up.
+
+    It is what the timer that rings then, a turn of the loop and a write may take together: nobody sees that
+    in what came, so nothing teaches it. ``out_ns``: what a character takes on the wire on which it leaves.
+    """
+    return max(LEAST_GUARD_NS, out_ns // GUARDED)
+
+
+def margin_ns(out_ns: int) -> int:
+    """Return how much longer the first byte of a frame waits than the frames before it needed.
+
+    >>> margin_ns(1_145_833), margin_ns(286_458)  # 9 600 and 38 400 baud, 8E1
+    (361458, 200000)
+    """
+    return guard_ns(out_ns) + LATER_NS
+
+
 class MeasuredLead:
     """How long after its first piece a frame of one shape may begin to leave, by what the last ones needed.
 
     No model of an adapter: latency timers, packets, the scheduler of the system and different baud rates all
-    show in when the bytes came. The margin is ``margin_ns`` and half of what the needs have differed by.
+    show in when the bytes came; and how long the gateway itself takes, in when they left. The margin is
+    ``margin_ns`` and half of what the needs have differed by.
     """
 
     __slots__ = ("_char_ns", "_margin_ns", "_needs_ns", "_wholes_ns", "lead_ns", "no_gain", "out_ns", "shape")
 
-    def __init__(self, shape: Shape, in_ns: int, out_ns: int, margin_ns: int = MARGIN_NS) -> None:
+    def __init__(self, shape: Shape, in_ns: int, out_ns: int, margin_ns: int) -> None:
         self.shape = shape
         self._margin_ns = margin_ns
         self.out_ns = out_ns
@@ -185,10 +202,14 @@ class MeasuredLead:
         """Where enough were seen, and it is not worth it: after how long a frame could begin to leave, and
         after how long the soonest was whole, both since its first piece."""
 
-    def note(self, pieces: Sequence[Piece]) -> None:
-        """Learn from a frame that has come whole, whether it was cut through or stored."""
+    def note(self, pieces: Sequence[Piece], left_ns: int = 0) -> None:
+        """Learn from a frame that has come whole, whether it was cut through or stored.
+
+        ``left_ns``: by its writing one that was cut through would have had to begin so long after its first
+        piece (``CutThrough.needed_ns``): what the gateway takes between reading and writing is in that.
+        """
         needs_ns, wholes_ns = self._needs_ns, self._wholes_ns
-        needs_ns.append(needed_ns(self.shape, pieces, self.out_ns))
+        needs_ns.append(max(needed_ns(self.shape, pieces, self.out_ns), left_ns))
         wholes_ns.append(pieces[-1].came_ns - pieces[0].came_ns)
         longest_ns = max(needs_ns)
         lead_ns = longest_ns + (longest_ns - min(needs_ns)) // 2 + self._margin_ns

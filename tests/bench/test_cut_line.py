@@ -24,14 +24,16 @@ def test_a_line_that_stores_adds_the_wire_once_more() -> None:
 
 
 @pytest.mark.parametrize(
-    ("way", "expected"),
+    ("way", "margin_us", "expected"),
     [
-        # Two leads of 4 + 2 characters and two margins of 0.2 ms, of 21 and of 19 characters.
-        (Way(9600), ((6 * 1.145833 + 0.4) / 24.0625, (6 * 1.145833 + 0.4) / 21.7708)),
-        (Way(115_200), ((6 * 0.0954861 + 0.4) / 2.005208, (6 * 0.0954861 + 0.4) / 1.814236)),
+        # Two leads of 4 + 2 characters and two margins (of 0.361 and of 0.2 ms), of 21 and of 19 characters.
+        (Way(9600), 361.458, ((6 * 1.145833 + 0.722917) / 24.0625, (6 * 1.145833 + 0.722917) / 21.7708)),
+        (Way(115_200), 200, ((6 * 0.0954861 + 0.4) / 2.005208, (6 * 0.0954861 + 0.4) / 1.814236)),
     ],
 )
-def test_a_line_that_cuts_through_adds_its_leads(way: Way, expected: tuple[float, float]) -> None:
+def test_a_line_that_cuts_through_adds_its_leads(
+    way: Way, margin_us: float, expected: tuple[float, float]
+) -> None:
     found, line = run(way, 600)
     assert shares(way, found) == pytest.approx(expected, abs=0.003)
     assert (found.unanswered, found.torn, found.foreign, found.broken) == (0, 0, 0, 0)
@@ -43,7 +45,7 @@ def test_a_line_that_cuts_through_adds_its_leads(way: Way, expected: tuple[float
     assert (said["requests"]["spoilt"], said["replies"]["spoilt"], said["torn"]) == ({}, {}, 0)
     # Nine characters of a write and six of a read less a margin each: in the mean seven and a half.
     char_us = 11e6 / way.baudrate
-    assert said["requests"]["gain_us"] == pytest.approx(7.5 * char_us - 200, abs=3)
+    assert said["requests"]["gain_us"] == pytest.approx(7.5 * char_us - margin_us, abs=3)
     assert line.events == {"line-up": 1}
 
 

@@ -1,5 +1,6 @@
 """The programs in C: their frames against the project's own, and what they do when a reply is wrong."""
 
+import json
 import os
 import re
 import select
@@ -7,6 +8,7 @@ import shutil
 import socket
 import subprocess
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
@@ -206,3 +208,45 @@ def test_a_hundred_exchanges_direct_and_through_the_relay_in_c(programs: Program
             done = load(programs, *words)
             assert done.returncode == 0, done.stderr
             assert latencies.stat().st_size == 100 * 16
+
+
+def test_the_wire_carries_bytes_both_ways_and_says_where_it_was_silent_inside_of_a_frame(
+    programs: Programs,
+) -> None:
+    with closing(Pty()) as left, closing(Pty()) as right:
+        fds = (left.master_fd, right.master_fd)
+        command = [str(programs.wire), "115200", *map(str, fds)]
+        ends = [os.open(each.path, os.O_RDWR | os.O_NOCTTY) for each in (left, right)]
+        try:
+            with started(command, stdout=subprocess.PIPE, text=True, pass_fds=fds) as wire:
+                for near, far in (ends, ends[::-1]):
+                    sent = bytes(range(256))
+                    assert asked_on(near, sent, 0) == b""
+                    assert asked_on(far, b"", len(sent)) == sent
+                wire.terminate()
+                said, _ = wire.communicate(timeout=PATIENCE_S)
+        finally:
+            for end in ends:
+                os.close(end)
+    # Half of 1.75 ms stands between two frames.
+    assert all(at_ns > 0 and 0 < pause_ns < 875_000 for at_ns, pause_ns in json.loads(said))
+
+
+def waits_of(pid: int) -> int:
+    """How often a process has waited for something so far."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    return int(re.search(r"^voluntary_ctxt_switches:\s*(\d+)", status, re.MULTILINE)[1])  # type: ignore[index]
+
+
+def test_the_witness_says_when_it_came_late(programs: Programs) -> None:
+    command = [str(programs.witness), "1000", "-1", "0"]  # late is what came after its time: each
+    with started(command, stdout=subprocess.PIPE, text=True) as witness:
+        give_up_s = time.monotonic() + PATIENCE_S
+        while waits_of(witness.pid) < 20:
+            assert time.monotonic() < give_up_s, "it does not wait"
+        witness.terminate()
+        said, _ = witness.communicate(timeout=PATIENCE_S)
+    noted = json.loads(said)
+    assert noted
+    assert all(late_ns >= 0 for _, late_ns in noted)
+    assert [due_ns for due_ns, _ in noted] == sorted(due_ns for due_ns, _ in noted)

@@ -1,8 +1,8 @@
 """A line that cuts through: bytes in and out with their instants, by hand (see ``cut_line_bench``).
 
-A write of one position begins to leave 3.2 ms behind its first character (4.2): three for the eleventh
-byte, which leaves as the eighth, and the margin of a fifth. Its 13 characters are off the wire at
-17.2, and 10.5 of silence follow where it was spoilt: 27.7.
+A write of one position begins to leave 3.325 ms behind its first character (4.325): three for the eleventh
+byte, which leaves as the eighth, and the margin, a quarter of a character and 75 µs. Its 13 characters
+are off the wire at 17.325, and 10.5 of silence follow where it was spoilt: 27.825.
 """
 
 from collections.abc import Callable
@@ -19,6 +19,7 @@ from gateway.exchange.leads import (
     LEARNED_AFTER,
     Piece,
     acknowledgement_shape,
+    margin_ns,
     read_shape,
     reply_shape,
     write_shape,
@@ -37,7 +38,7 @@ from tests.exchange.test_fast_path import CURVE
 WRITE_SHAPE = write_shape(2, 0, 2)
 NEXT = write(COMMAND, 10_040)
 """10 040 is 0000 2738, and leaves as 0000 2744: twelve counts more."""
-HEAD = [(4.2, "01 10 06 06"), (5.0, "00"), (6.0, "02"), (7.0, "04")]
+HEAD = [(4.325, "01 10 06 06"), (5.0, "00"), (6.0, "02"), (7.0, "04")]
 WHOLE = [*HEAD, (11.0, "27 44 00 00"), (13.0, "12 84")]
 ACKNOWLEDGED = frame_of(NEXT[:5])
 OTHER = bytes.fromhex("03 08 00 00 01")
@@ -70,7 +71,7 @@ def test_a_setpoint_leaves_four_characters_behind_itself_and_its_reply_two() -> 
     line.pass_to(began_ns + 20 * MS)
     began_ns = line.reply(ACKNOWLEDGED)
     assert line.to_cnc(began_ns) == [
-        (2.2, "01 10"),
+        (2.325, "01 10"),
         (3.0, "06"),
         (4.0, "06"),
         (5.0, "00"),
@@ -82,8 +83,8 @@ def test_a_setpoint_leaves_four_characters_behind_itself_and_its_reply_two() -> 
     assert (line.requests(), line.replies()) == ({Turn.COMMITTED: 1}, {Turn.COMMITTED: 1})
     assert line.line.axes[0].fields[0].nominal_words == NEXT[6:]
     assert line.cuts.torn == 0
-    # The request was off the wire at 17.2, and the reply began at 20.
-    assert line.line.meter.measured["cnc", 1].drive[bucket_of(2_800_000)] == 1
+    # The request was off the wire at 17.325, and the reply began at 20.
+    assert line.line.meter.measured["cnc", 1].drive[bucket_of(2_675_000)] == 1
 
 
 def test_a_read_leaves_at_its_function_and_the_position_in_its_reply_when_it_is_whole() -> None:
@@ -96,7 +97,7 @@ def test_a_read_leaves_at_its_function_and_the_position_in_its_reply_when_it_is_
     line.pass_to(line.bench.now_ns + 10 * MS)
     began_ns = line.come(frame_of(BLOCK))
     assert line.to_drives(began_ns) == [
-        (2.2, "01 03"),
+        (2.325, "01 03"),
         (3.0, "05"),
         (4.0, "20"),
         (5.0, "00"),
@@ -109,7 +110,7 @@ def test_a_read_leaves_at_its_function_and_the_position_in_its_reply_when_it_is_
     passed = frame_of(drive[:2] + told + drive[6:])
     # The position is whole with the seventh byte, and leaves as the fourth: after three and a margin.
     assert line.to_cnc(began_ns) == [
-        (4.2, "01 03 06"),
+        (4.325, "01 03 06"),
         (7.0, told.hex(" ")),
         (8.0, drive[6:7].hex(" ")),
         (9.0, drive[7:8].hex(" ")),
@@ -125,10 +126,10 @@ def test_w3_a_bad_check_sum_leaves_as_one_that_is_bad_in_both_bytes_and_nothing_
     began_ns = line.come(frame[:-1] + bytes((frame[-1] ^ 0x10,)))
     # ED 7B are the bits of 12 84, all of them inverted.
     assert line.to_drives(began_ns) == [*HEAD, (11.0, "27 44 00 00"), (13.0, "ed 7b")]
-    assert (line.line.is_idle, line.line.deadline_ns) == (True, began_ns + 27_700_000)
+    assert (line.line.is_idle, line.line.deadline_ns) == (True, began_ns + 27_825_000)
     line.hear(line.panel, frame_of(OTHER))
     line.pass_to(began_ns + 40 * MS)
-    assert line.to_drives(began_ns) == [(27.7, frame_of(OTHER).hex(" "))]
+    assert line.to_drives(began_ns) == [(27.825, frame_of(OTHER).hex(" "))]
     assert line.requests() == {Turn.BAD: 1}
     # Nothing was lost: that never was a request (M3).
     assert (line.line.counters.refused, line.bench.kinds()) == (0, ["line-up", "stream-began"])
@@ -141,12 +142,12 @@ def test_a_frame_that_stalls_is_spoilt_and_goes_behind_the_silence_if_the_rest_c
     line.pass_to(began_ns + 9 * MS)
     # A character and a pause of 1.5 behind the sixth byte: 6 + 2.5.
     left = line.to_drives(began_ns)
-    assert [when for when, _ in left] == [4.2, 5.0, 6.0, 8.5]
+    assert [when for when, _ in left] == [4.325, 5.0, 6.0, 8.5]
     ends_spoilt(left)
     line.come(frame[6:])
     line.pass_to(began_ns + 40 * MS)
     sent = bytes.fromhex(" ".join(data for _, data in WHOLE)).hex(" ")
-    assert line.to_drives(began_ns) == [(27.7, sent)]
+    assert line.to_drives(began_ns) == [(27.825, sent)]
     assert line.requests() == {Turn.STALLED: 1}
 
 
@@ -184,7 +185,7 @@ def test_a_target_that_may_not_leave_is_judged_in_its_turn_behind_the_silence() 
     ends_spoilt(left)
     line.pass_to(began_ns + 40 * MS)
     ((when, sent),) = line.to_drives(began_ns)
-    assert when == 27.7
+    assert when == 27.825
     assert is_intact(bytes.fromhex(sent))
     assert line.requests() == {Turn.REFUSED: 1}
     current = line.line._current
@@ -207,7 +208,7 @@ def test_m3_a_stop_of_another_controller_spoils_what_leaves_and_goes_behind_the_
     # The rest of it comes while the stop waits: it goes after the stop.
     line.come(frame_of(NEXT)[bytes_come:], since_ns=began_ns + bytes_come * MS)
     line.pass_to(began_ns + 30 * MS)
-    assert line.to_drives(began_ns) == [(27.7, frame_of(STOP_PDU, 2).hex(" "))]
+    assert line.to_drives(began_ns) == [(27.825, frame_of(STOP_PDU, 2).hex(" "))]
     line.answer(frame_of(STOP_PDU, 2))
     sent = bytes.fromhex(" ".join(data for _, data in WHOLE)).hex(" ")
     assert line.to_drives(began_ns) == [(30.0, sent)]
@@ -230,7 +231,7 @@ def test_a_port_that_is_lost_while_its_request_leaves_ends_it() -> None:
     began_ns = line.come(frame_of(NEXT)[:8])
     line.line.controller_gone(line.cnc, line.bench.now_ns)
     left = line.to_drives(began_ns)
-    assert [when for when, _ in left] == [4.2, 5.0, 6.0, 7.0, 8.0]
+    assert [when for when, _ in left] == [4.325, 5.0, 6.0, 7.0, 8.0]
     ends_spoilt(left)
     assert (line.line.is_idle, line.requests()) == (True, {Turn.GONE: 1})
 
@@ -304,9 +305,32 @@ def test_a_request_is_torn_where_it_is_written_later_than_the_transmitter_is_emp
     line = site()
     stands_still(line, line.link, 4, late_ms)
     began_ns = line.come(frame_of(NEXT))
-    # What left before the position was off the wire at 11.2.
+    # What left before the position was off the wire at 11.325.
     assert line.to_drives(began_ns) == [*HEAD, (11.0 + late_ms, "27 44 00 00"), (13.0, "12 84")]
     assert (line.requests(), line.cuts.torn) == ({Turn.COMMITTED: 1}, torn)
+
+
+@pytest.mark.parametrize(
+    ("late_ms", "begins"),
+    [
+        # Three characters after its first one, what it was late, half of that, and the margin.
+        (0.1, (4.475, "01 10 06 06")),
+        (1.0, (5.825, "01 10 06 06 00")),
+    ],
+)
+def test_the_next_request_leaves_so_much_later_as_the_gateway_took_between_reading_and_writing(
+    late_ms: float, begins: tuple[float, str]
+) -> None:
+    line = site()
+    stands_still(line, line.link, 4, late_ms)
+    line.come(frame_of(NEXT))
+    line.link.on_piece = lambda: None
+    line.reply(ACKNOWLEDGED)
+    line.pass_to(line.bench.now_ns + 10 * MS)
+    line.forget()
+    began_ns = line.come(frame_of(write(COMMAND, 10_200)))
+    assert line.to_drives(began_ns)[0] == begins
+    assert line.requests() == {Turn.COMMITTED: 2}
 
 
 @pytest.mark.parametrize("is_good", [True, False])
@@ -315,7 +339,7 @@ def test_what_leaves_in_one_write_is_not_torn_however_late_that_is_and_its_silen
 ) -> None:
     line = site()
     frame = frame_of(NEXT)
-    began_ns = line.come(frame[:4])  # nobody looks at 4.2
+    began_ns = line.come(frame[:4])  # nobody looks at 4.325
     line.bench.now_ns = began_ns + 5 * MS
     stands_still(line, line.link, 0, 5.0)  # what is read at 5 is written at 10
     line.hear(line.cnc, frame[4:] if is_good else frame[4:-1] + bytes((frame[-1] ^ 0x10,)))
@@ -327,11 +351,11 @@ def test_what_leaves_in_one_write_is_not_torn_however_late_that_is_and_its_silen
 
 def test_the_guard_rings_in_time_also_where_the_writing_has_taken_its_time() -> None:
     line = site()
-    stands_still(line, line.link, 0, 0.8)  # the first four bytes are with the driver at 4.2 or at 5.0
+    stands_still(line, line.link, 0, 0.8)  # the first four bytes are with the driver at 4.325 or at 5.125
     began_ns = line.come(frame_of(NEXT)[:10])
     line.pass_to(began_ns + 20 * MS)
     *_, (when, data) = line.to_drives(began_ns)
-    # Seven bytes, from 4.2 on, are off the wire at 11.2: filled up 0.125 before.
+    # Seven bytes, from 4.325 on, are off the wire at 11.325: filled up a quarter before.
     assert (when, len(bytes.fromhex(data))) == (11.075, 6)
     assert (line.requests(), line.cuts.torn) == ({Turn.STALLED: 1}, 0)
 
@@ -426,7 +450,7 @@ def test_a_reply_that_stalls_is_spoilt_and_what_it_says_counts_all_the_same() ->
     began_ns = line.reply(ACKNOWLEDGED[:5])
     line.pass_to(began_ns + 12 * MS)
     left = line.to_cnc(began_ns)
-    assert [when for when, _ in left] == [2.2, 3.0, 4.0, 5.0, 7.075]  # an eighth before it would be empty
+    assert [when for when, _ in left] == [2.325, 3.0, 4.0, 5.0, 7.075]  # a quarter before it would be empty
     ends_spoilt(left, 8)
     line.reply(ACKNOWLEDGED[5:])
     assert (line.line.is_idle, line.cnc.replies) == (True, [])
@@ -468,7 +492,7 @@ def test_a_controller_that_is_lost_hears_no_more_of_its_reply() -> None:
     began_ns = line.reply(ACKNOWLEDGED[:5])
     line.line.controller_gone(line.cnc, line.bench.now_ns)
     line.reply(ACKNOWLEDGED[5:])
-    assert line.to_cnc(began_ns) == [(2.2, "01 10"), (3.0, "06"), (4.0, "06"), (5.0, "00")]
+    assert line.to_cnc(began_ns) == [(2.325, "01 10"), (3.0, "06"), (4.0, "06"), (5.0, "00")]
     assert (line.replies(), line.line.is_idle) == ({Turn.LOST: 1}, True)
 
 
@@ -483,7 +507,7 @@ def test_a_reply_does_not_begin_before_the_silence_behind_its_request_is_over() 
 
 
 def test_what_is_a_loss_is_stored_for_the_next_ones() -> None:
-    heads = Heads(CHAR_NS, CHAR_NS)
+    heads = Heads(CHAR_NS, CHAR_NS, margin_ns(CHAR_NS))
     line = site()
     pdu = b"\x01" + NEXT
     heads.note(line.cuts.units.path_of(1, NEXT), pdu, pdu)

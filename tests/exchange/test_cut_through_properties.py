@@ -209,7 +209,7 @@ def a_stored_frame_leaves_nothing_and_is_followed_to_its_end(course: Course, lef
 
 
 @settings(max_examples=repeated(3000))
-@given(course=courses(), following=st.lists(good_frames, min_size=1, max_size=3))
+@given(course=courses(), following=st.lists(good_frames, min_size=1, max_size=2))
 def test_what_holds_for_every_course(course: Course, following: list[bytes]) -> None:
     left = run(course)
     no_piece_ends_where_a_frame_could(course, left)

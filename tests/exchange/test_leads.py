@@ -14,6 +14,7 @@ from gateway.exchange.leads import (
     Shape,
     acknowledgement_shape,
     lead_ns,
+    margin_ns,
     needed_ns,
     read_shape,
     reply_shape,
@@ -267,7 +268,7 @@ def measured_ns(shape: Shape, char_ns: int, lump_ns: int) -> int:
             begun_ns = came_ns
             pieces.append(Piece(begun_ns + lump_ns, number))
         pieces[-1] = Piece(pieces[-1].came_ns, number)
-    lead = MeasuredLead(shape, char_ns, char_ns)
+    lead = MeasuredLead(shape, char_ns, char_ns, margin_ns(char_ns))
     for _ in range(LEARNED_AFTER):
         lead.note(pieces)
     assert lead.lead_ns is not None

@@ -76,8 +76,10 @@ LEFT_OUT: Final = {
 """Attributes that are neither kept nor compared, by name."""
 NOT_COMPARED: Final = {
     "_host_bytes": "how much of what is compared waits",
-    "_left_ns": "of a frame that is cut through: for the count of torn ones alone",
+    "_left_ns": "of a frame that is cut through: for the count of torn ones and for what is learned alone",
     "_off_ns": "the same",
+    "_started_ns": "the same",
+    "gap_ns": "the same",
     "_port_counts": "the same",
     "since_ns": "only told: axes keep their own",
     "timeouts": "only told: how many there were in a row is in the state",

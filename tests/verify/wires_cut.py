@@ -13,7 +13,7 @@ A controller whose reply was spoilt has heard nothing, and gives its request up;
 from collections.abc import Callable, Iterable
 from typing import Any, Final
 
-from gateway.exchange.cut_line import CutLine, Pauses, RequestCutter
+from gateway.exchange.cut_line import CutLine, RequestCutter
 from gateway.exchange.cut_line import Wire as LineWire
 from gateway.exchange.cut_through import Cut, Turn
 from gateway.exchange.events import Event
@@ -21,6 +21,7 @@ from gateway.exchange.leads import (
     MeasuredLead,
     Shape,
     acknowledgement_shape,
+    margin_ns,
     read_shape,
     reply_shape,
     write_shape,
@@ -61,36 +62,25 @@ CUTS_REPLY_OFF: Final = ("disconnect", "kill", "kill_bare")
 
 def steady(*shapes: Shape) -> dict[Shape, MeasuredLead]:
     """Return the leads of a port that was measured before."""
-    return {shape: MeasuredLead(shape, CHAR_NS, CHAR_NS) for shape in shapes}
-
-
-def settle(leads: Iterable[MeasuredLead]) -> None:
-    """Let leads be what they were before anything else was measured."""
-    for lead in leads:
+    leads = {shape: MeasuredLead(shape, CHAR_NS, CHAR_NS, margin_ns(CHAR_NS)) for shape in shapes}
+    for lead in leads.values():
         lead.lead_ns = LEAD_NS
-        lead._needs_ns.clear()
-        lead._wholes_ns.clear()
-
-
-def settle_pauses(pauses: Pauses) -> None:
-    """Let pieces be as far apart as a character."""
-    pauses.longest_ns = CHAR_NS
-    pauses._longest.clear()
+    return leads
 
 
 def forget_measured(cutter: RequestCutter) -> None:
     """What requests begin like, and what is answered, stays; how they come and what they gain is known.
 
-    Of what is answered only the data fill up, and no more than their length counts.
+    Ports learn from a frame when the next one begins, which is after this. Of what is answered only the data
+    fill up, and no more than their length counts.
     """
+    cutter._came = None
     heads, replies = cutter.heads, cutter.replies
     heads._gains.clear()
     heads._stored.clear()
     replies._stored.clear()
     for key, passed in replies._passed.items():
         replies._passed[key] = passed[:2] + bytes(len(passed) - 2)
-    settle((*heads._leads.values(), *replies._leads.values()))
-    settle_pauses(cutter._pauses)
 
 
 class CutDoor(Door):
@@ -109,7 +99,6 @@ class CutDoor(Door):
             cutter = self._cutters[port] = cuts.follow(port, wire)
             cutter.heads._leads |= steady(read_shape(), write_shape(2, 0, 2))
             cutter.replies._leads |= steady(acknowledgement_shape(), reply_shape(1), reply_shape(2, [(0, 2)]))
-            forget_measured(cutter)
         cutter.heads._expected.clear()
         cutter.replies._passed.clear()
         cutter._cut = None
@@ -197,10 +186,7 @@ class CutSide(RtuSide):
 
     def line_of(self, design: Design, tell: Callable[[Event], None]) -> LineExchange:
         """See ``RtuSide``."""
-        line = LineExchange(design.plans, TIMING, self.link, tell, design.groups, cut_through=DRIVES)
-        assert line.cuts is not None
-        settle_pauses(line.cuts.reply._pauses)
-        return line
+        return LineExchange(design.plans, TIMING, self.link, tell, design.groups, cut_through=DRIVES)
 
     def door_of(self, line: LineExchange) -> Door:
         """See ``RtuSide``."""
@@ -242,7 +228,7 @@ class CutSide(RtuSide):
         and no frame is late here; of timers that would ring in vain.
         """
         self.link.real._decoder._stray = b""
-        settle_pauses(self.cuts.reply._pauses)
+        self.cuts.reply._came = None
         for port in self.ports:
             forget_measured(port._cutter)
             if port._cutter._cut is not None and port._cutter._cut.is_over:
