@@ -7,6 +7,8 @@ PYTEST := $(BIN)/python -m pytest --numprocesses $(shell expr $$(nproc) + 2) --d
 
 # Nothing of ours is a plugin of pydantic; to look for one reads what is installed, in each of them.
 export PYDANTIC_DISABLE_PLUGINS := __all__
+# Several workers and programs share the cores; threads that wait for each other at small sums only spin.
+export OPENBLAS_NUM_THREADS := 1
 # Hundreds of interpreters start in a run: without compiled modules each would compile the program again.
 unexport PYTHONDONTWRITEBYTECODE
 # Where the locale knows ASCII only, Python cannot read the path of a checkout that has more in it.

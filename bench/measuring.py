@@ -56,6 +56,7 @@ class Load:
     warmup: int = 500
     period_us: int = 0
     units: tuple[int, ...] = (1,)
+    lines: int = 1
     is_concurrent: bool = False
     is_reconnecting: bool = False
     fifo: int = 0
@@ -66,8 +67,9 @@ class Load:
         """As options of the program."""
         options = {
             "count": self.count, "kind": self.kind, "warmup": self.warmup, "period-us": self.period_us,
-            "units": ",".join(map(str, self.units)), "concurrent": int(self.is_concurrent),
-            "reconnect": int(self.is_reconnecting), "fifo": self.fifo, "timeout-ms": self.timeout_ms,
+            "units": ",".join(map(str, self.units)), "lines": self.lines,
+            "concurrent": int(self.is_concurrent), "reconnect": int(self.is_reconnecting), "fifo": self.fifo,
+            "timeout-ms": self.timeout_ms,
         }  # fmt: skip
         return [word for name, value in options.items() for word in (f"--{name}", str(value))]
 

@@ -9,6 +9,7 @@
 #include <errno.h>
 #include <limits.h>
 #include <sys/epoll.h>
+#include <sys/timerfd.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -156,10 +157,31 @@ waiting(PyObject *Py_UNUSED(module), PyObject *epoll)
     return PyCFunction_NewEx(&wait_definition, epoll, NULL);
 }
 
+static PyObject *
+set_at(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    struct itimerspec wanted = {{0, 0}, {0, 0}};
+    int timer;
+    long long at_ns;
+
+    if (!is_called_with(given, 2, "set_at"))
+        return NULL;
+    timer = descriptor_of(arguments[0]);
+    at_ns = PyLong_AsLongLong(arguments[1]);
+    if (PyErr_Occurred())
+        return NULL;
+    wanted.it_value.tv_sec = at_ns / NS_PER_S;
+    wanted.it_value.tv_nsec = at_ns % NS_PER_S;
+    if (timerfd_settime(timer, TFD_TIMER_ABSTIME, &wanted, NULL))
+        return PyErr_SetFromErrno(PyExc_OSError);
+    Py_RETURN_NONE;
+}
+
 static PyMethodDef functions[] = {
     {"boot_ns", boot_ns, METH_NOARGS, "boot_ns() -> int"},
     {"read", (PyCFunction)(void (*)(void))read_bytes, METH_FASTCALL, "read(descriptor, size) -> bytes"},
     {"write", (PyCFunction)(void (*)(void))write_bytes, METH_FASTCALL, "write(descriptor, data) -> int"},
+    {"set_at", (PyCFunction)(void (*)(void))set_at, METH_FASTCALL, "set_at(timer, ns)"},
     {"waiting", waiting, METH_O, "waiting(descriptor) -> what waits for the descriptors of that epoll"},
     {NULL, NULL, 0, NULL},
 };

@@ -1,4 +1,4 @@
-"""The system calls of a frame: waiting, reading, writing, the clock.
+"""The system calls of a frame: waiting, reading, writing, the clock; of timers see ``transport.timerfd``.
 
 Where the gateway is compiled they are those of ``_system.c``, which call the system and nothing else; where
 it is not, those of Python, which do the same with more objects and with the interpreter's lock given back
@@ -28,9 +28,10 @@ def _compiled() -> ModuleType | None:
         return None
 
 
-_SYSTEM: Final = _compiled()
+IN_C: Final = _compiled()
+"""The calls in C, where the gateway is compiled."""
 
-if _SYSTEM is None:
+if IN_C is None:
     boot_ns: Callable[[], int] = partial(time.clock_gettime_ns, CLOCK)
     """Return the time since the machine was booted, in ns."""
     read: Callable[[int, int], bytes] = os.read
@@ -38,12 +39,12 @@ if _SYSTEM is None:
     write: Callable[[int, bytes], int] = os.write
     """Write to a descriptor that does not block; return how much the system took."""
 else:
-    boot_ns, read, write = _SYSTEM.boot_ns, _SYSTEM.read, _SYSTEM.write
+    boot_ns, read, write = IN_C.boot_ns, IN_C.read, IN_C.write
 
 
 def waiting(epoll: select.epoll) -> Wait:
     """Return what waits for the descriptors of an epoll, 64 at most at a time."""
-    if _SYSTEM is None:
+    if IN_C is None:
         return epoll.poll
-    wait: Wait = _SYSTEM.waiting(epoll.fileno())
+    wait: Wait = IN_C.waiting(epoll.fileno())
     return wait

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from typer.testing import CliRunner
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 
 
 class Typed(NamedTuple):

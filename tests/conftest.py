@@ -70,12 +70,15 @@ FIRST = (
     "tests/package/",
     "tests/measure/",
     "tests/service/",
-    "tests/verify/test_verify.py",
+    "tests/verify/",
     "tests/metrology/test_what_lies_between.py",
     "tests/report/test_writing.py",
     "tests/compiled/",
+    "tests/tools/test_bootstrap.py",
+    "tests/tabfile/test_every_pair.py",
+    "tests/tabfile/test_mutants.py",
 )
-"""Minutes for each file: begun last, one worker would have them while the others have nothing to do."""
+"""Long, each file of them: begun last, one worker would have them while the others have nothing to do."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

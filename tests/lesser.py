@@ -79,7 +79,7 @@ def lesser() -> Iterator[Lesser]:
 
 
 def _serve() -> None:
-    from gateway.cli.main import COMMANDS
+    from gateway.cli.app import COMMANDS
 
     for name in (*(f"gateway.cli.{command}" for command in COMMANDS), "gateway.config.load"):
         importlib.import_module(name)  # those that are forked have them then

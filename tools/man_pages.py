@@ -16,7 +16,7 @@ from typing import Any
 from typer.main import get_command
 
 from gateway import __version__
-from gateway.cli.main import app
+from gateway.cli.app import app
 
 WIDTH = 72
 """Of a line of roff, before signs are escaped."""

@@ -9,6 +9,7 @@
  *     --period-us N       a request every N microseconds, also when the last one was answered late; 0: as soon
  *                         as the last one is answered
  *     --units 1,2,3       unit ids, taken in turn
+ *     --lines N           connection 1, N + 1, … is on one line, 2, N + 2, … on the next (default 1)
  *     --concurrent 1      every connection has a request of its own under way; 0: one request at a time in all
  *     --reconnect 1       a new TCP connection for every exchange
  *     --timeout-ms N      how long a reply is waited for (default 1000)
@@ -48,13 +49,13 @@ struct connection {
 };
 
 static struct connection connections[MAX_CONNECTIONS];
-static int connection_count, unit_count = 1;
+static int connection_count, unit_count = 1, lines = 1;
 static uint8_t units[MAX_UNITS] = {1};
 static enum kind kind = WRITE;
 static long count = 20000, warmup = 500, period_us, timeout_ms = 1000;
 static int is_concurrent, is_reconnecting;
 static int64_t (*latencies)[2];
-static long writes; /* of all connections: whoever commands an axis goes on from where it was sent last */
+static long writes[MAX_CONNECTIONS][256]; /* by line and unit: whoever commands an axis goes on from where it was */
 static long sent, answered, timeouts, wrong, late;
 
 /* Up and down between 0 and 100 000 counts, never the same twice in a row. */
@@ -69,7 +70,7 @@ static void compose(struct connection *c) {
     int phase = kind == CYCLE ? (int)(step % 3) : kind == WRITE ? 0 : 2;
     uint8_t *pdu = c->pdu;
     if (phase == 0) {
-        int32_t position = position_of(++writes);
+        int32_t position = position_of(++writes[(c - connections) % lines][c->unit]);
         c->written[c->unit] = position;
         static const uint8_t head[] = {16, 0, POSITION, 0, 2, 4};
         memcpy(pdu, head, sizeof head);
@@ -231,6 +232,7 @@ int main(int words_count, char **words) {
         else if (!strcmp(name, "warmup")) warmup = atol(value);
         else if (!strcmp(name, "period-us")) period_us = atol(value);
         else if (!strcmp(name, "units")) read_units(value);
+        else if (!strcmp(name, "lines")) lines = atoi(value);
         else if (!strcmp(name, "concurrent")) is_concurrent = atoi(value);
         else if (!strcmp(name, "reconnect")) is_reconnecting = atoi(value);
         else if (!strcmp(name, "timeout-ms")) timeout_ms = atol(value);
@@ -240,7 +242,7 @@ int main(int words_count, char **words) {
         else die("%s: no option of load", words[word]);
     }
     connection_count = words_count - word;
-    if (connection_count < 1 || connection_count > MAX_CONNECTIONS || count < 1 || warmup < 0)
+    if (connection_count < 1 || connection_count > MAX_CONNECTIONS || count < 1 || warmup < 0 || lines < 1)
         die("load [OPTION VALUE]... TO... (1 to %d)", MAX_CONNECTIONS);
     settle_in(seconds);
     latencies = calloc((size_t)count + MAX_CONNECTIONS, sizeof *latencies);

@@ -32,6 +32,7 @@ class _Rig:
         lines, axes, controllers = size
         self._bench = bench
         self._units = tuple(range(1, axes + 1))
+        self._lines = lines
         drive = start_drive(processes, bench.programs, ["listen:0"] * lines, cpus=cpus)
         ports = [[free_port() for _ in range(controllers)] for _ in range(lines)]
         setup = GatewaySetup(tuple(
@@ -61,7 +62,7 @@ class _Rig:
 
     def _load(self, *, is_concurrent: bool = False) -> Load:
         count = self._bench.effort.count
-        return Load(count, units=self._units, is_concurrent=is_concurrent, cpus=self._cpus)
+        return Load(count, units=self._units, lines=self._lines, is_concurrent=is_concurrent, cpus=self._cpus)
 
 
 def run(bench: Bench) -> Section:

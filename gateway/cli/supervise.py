@@ -31,4 +31,6 @@ def supervise(
     """
     from gateway.cli.processes import become, command_of
 
-    become(config, command_of("gateway.supervisor", config, log_format, *(["--events"] if events else [])))
+    become(
+        config, command_of("gateway.supervisor", config, log_format, "--events", "yes" if events else "no")
+    )

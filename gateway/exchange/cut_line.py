@@ -154,14 +154,19 @@ class CutLine:
         """Return what ``path.answered`` says, which is asked once for each reply."""
         return self.reply.turned(transaction) or path.answered(transaction, reply, now_ns)
 
-    def note(self, transaction: Transaction, reply: bytes, passed: bytes | None) -> None:
-        """Remember a request that was answered.
+    def note(self, transaction: Transaction, reply: bytes, passed: bytes | None, now_ns: int) -> None:
+        """Remember a request that was answered, and how long the gateway took with it and with its reply.
 
         ``passed``: what its controller was told, if that is known: it took the fast path.
         """
         cutter = self.of(transaction.port)
         pdu = transaction.pdu
-        if cutter is None or transaction.added is not None or reply[0] != pdu[0]:
+        if cutter is None or transaction.added is not None:
+            return
+        asked, told = self.link.stamps, cutter.port.stamps
+        cutter.own_ns = asked.sent_ns - asked.paced_ns - (transaction.started_ns or transaction.arrived_ns)
+        self.reply.own_ns = told.sent_ns - told.paced_ns - now_ns
+        if reply[0] != pdu[0]:
             return
         if pdu[0] == WRITE and reply != pdu[:5]:
             return
@@ -185,6 +190,7 @@ class RequestCutter:
         "_pauses",
         "_wire",
         "heads",
+        "own_ns",
         "port",
         "replies",
     )
@@ -199,6 +205,8 @@ class RequestCutter:
         self._cut: CutThrough | None = None
         self._came: CutThrough | None = None
         """One that came whole, and from which the port has not learned yet."""
+        self.own_ns = 0
+        """So long the gateway took between reading and writing the last request that was answered."""
         self._last_ns = 0
         """When its last byte came."""
         self._now_ns = 0
@@ -305,7 +313,7 @@ class RequestCutter:
         frame = cut.arrival.data
         shape = shape_of(self._cuts.units.path_of(frame[0], frame[1:-CRC_BYTES]), frame)
         if shape is not None:
-            lead = self.heads.measure(shape, cut.pieces, cut.needed_ns)
+            lead = self.heads.measure(shape, cut.pieces, self.own_ns, cut.needed_ns)
             self._cuts.note_gain(self.port.name, "requests", lead)
             self.heads.came(beginning_of(frame))
 
@@ -313,7 +321,7 @@ class RequestCutter:
 class ReplyCutter:
     """The replies of the drives of one line as they arrive."""
 
-    __slots__ = ("_came", "_cut", "_cuts", "_judge", "_now_ns", "_pauses", "_transaction")
+    __slots__ = ("_came", "_cut", "_cuts", "_judge", "_now_ns", "_pauses", "_transaction", "own_ns")
 
     def __init__(self, cuts: CutLine) -> None:
         self._cuts = cuts
@@ -324,6 +332,8 @@ class ReplyCutter:
         """None: of its reply nothing leaves early."""
         self._came: tuple[CutThrough, Transaction] | None = None
         """One that came whole, and from which the port has not learned yet."""
+        self.own_ns = 0
+        """So long the gateway took between reading and writing the last reply."""
         self._judge: ReplyJudge | None = None
         self._now_ns = 0
 
@@ -434,7 +444,7 @@ class ReplyCutter:
         self._pauses.note(cut.pieces)
         cutter, shape = self._cuts.of(transaction.port), reply_shape_of(transaction)
         if cutter is not None and shape is not None:
-            lead = cutter.replies.measure(shape, cut.pieces, cut.needed_ns)
+            lead = cutter.replies.measure(shape, cut.pieces, self.own_ns, cut.needed_ns)
             self._cuts.note_gain(cutter.port.name, "replies", lead)
 
 

@@ -75,12 +75,14 @@ class Replies:
             self._passed.clear()
         self._passed[key] = passed
 
-    def measure(self, shape: Shape, pieces: Sequence[Piece], left_ns: int = 0) -> MeasuredLead:
+    def measure(
+        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0
+    ) -> MeasuredLead:
         """Learn from how a reply came, whatever became of it; return what is known now."""
         lead = self._leads.get(shape)
         if lead is None:
             lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
-        lead.note(pieces, left_ns)
+        lead.note(pieces, own_ns, left_ns)
         left = self._stored.pop(shape, 0) - 1
         if left > 0:
             self._stored[shape] = left

@@ -123,12 +123,14 @@ class Heads:
         is_expected = shape is not None and is_alike and is_fit_head(head)
         self._expected[beginning] = Expected(shape, sent) if shape is not None and is_expected else None
 
-    def measure(self, shape: Shape, pieces: Sequence[Piece], left_ns: int = 0) -> MeasuredLead:
+    def measure(
+        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0
+    ) -> MeasuredLead:
         """Learn from how a request came, whatever became of it; return what is known now."""
         lead = self._leads.get(shape)
         if lead is None:
             lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
-        lead.note(pieces, left_ns)
+        lead.note(pieces, own_ns, left_ns)
         return lead
 
     def came(self, frame: bytes) -> None:

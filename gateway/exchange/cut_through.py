@@ -40,9 +40,6 @@ from gateway.modbus.crc import INTACT, SEAM, ends_a_frame, inverted_crc, residue
 from gateway.modbus.lengths import MIN_ADU
 from gateway.modbus.rtu_arrival import Known, RequestArrival
 
-NO_GAP_NS: Final = -(1 << 60)
-"""Of a frame of which all left in one."""
-
 
 class Cut(Enum):
     """How far a frame has come on its way through."""
@@ -254,13 +251,13 @@ class CutThrough:
         "_out",
         "_pace",
         "_rendered",
-        "_started_ns",
         "_told",
         "arrival",
         "began_ns",
         "empty_ns",
         "gap_ns",
         "left",
+        "needed_ns",
         "pieces",
         "state",
     )
@@ -280,9 +277,11 @@ class CutThrough:
         """When its first byte left; 0: none has."""
         self.empty_ns = 0
         """When the transmitter has sent all that has left."""
-        self.gap_ns = NO_GAP_NS
-        """The longest time for which it was empty inside of the frame, as far as its speed says; below 0: so
-        long at least it still had something to send."""
+        self.gap_ns = 0
+        """The longest time for which it was empty inside of the frame, as far as its speed says."""
+        self.needed_ns = 0
+        """How long after its first piece it would have had to begin to leave, by when what followed was
+        written, so that the transmitter is never empty. 0: it left in one, or not from here."""
         self.pieces: list[Piece] = []
         """How it came."""
         self._judge = judge
@@ -298,8 +297,6 @@ class CutThrough:
         self._last_came_ns = 0
         self._left_ns = 0
         """When the bytes that left last had been read that let them leave."""
-        self._started_ns = 0
-        """When its first byte was written, at the earliest."""
         self._off_ns = 0
         """When all that was written is off the wire, at the earliest."""
 
@@ -318,16 +315,6 @@ class CutThrough:
         """What it was expected to be, without its check sum; of one that is on its way."""
         assert self._opening is not None
         return self._opening.filler
-
-    @property
-    def needed_ns(self) -> int:
-        """How long after its first piece it would have had to begin to leave, by when it was written.
-
-        So that the transmitter is never empty. 0: it left in one, or not from here.
-        """
-        if self.gap_ns == NO_GAP_NS:
-            return 0
-        return max(0, self._started_ns - self.pieces[0].came_ns + self.gap_ns)
 
     @property
     def deadline_ns(self) -> int | None:
@@ -382,10 +369,12 @@ class CutThrough:
         Not before ``from_ns``, and not after ``until_ns``: between reading and writing the process may have
         stood still, with the transmitter empty. What has to be in time is reckoned from the reading.
         """
-        if len(self.left) > size:
+        before = len(self.left) - size
+        if before:
             self.gap_ns = max(self.gap_ns, until_ns - self._off_ns)
-        else:
-            self._started_ns = max(self._left_ns, from_ns)
+            # When it really began does not matter: what comes first takes so long on the wire.
+            since_ns = until_ns - self.pieces[0].came_ns
+            self.needed_ns = max(self.needed_ns, since_ns - before * self._pace.out_ns)
         self._off_ns = max(self._off_ns, self._left_ns, from_ns) + size * self._pace.out_ns
 
     # --- steps -----------------------------------------------------------------------------------------

@@ -182,11 +182,21 @@ class MeasuredLead:
     """How long after its first piece a frame of one shape may begin to leave, by what the last ones needed.
 
     No model of an adapter: latency timers, packets, the scheduler of the system and different baud rates all
-    show in when the bytes came; and how long the gateway itself takes, in when they left. The margin is
-    ``margin_ns`` and half of what the needs have differed by.
+    show in when the bytes came. To the longest of their needs comes half of what they have differed by, the
+    longest that the gateway itself took between reading and writing, and ``margin_ns``.
     """
 
-    __slots__ = ("_char_ns", "_margin_ns", "_needs_ns", "_wholes_ns", "lead_ns", "no_gain", "out_ns", "shape")
+    __slots__ = (
+        "_char_ns",
+        "_margin_ns",
+        "_needs_ns",
+        "_own_ns",
+        "_wholes_ns",
+        "lead_ns",
+        "no_gain",
+        "out_ns",
+        "shape",
+    )
 
     def __init__(self, shape: Shape, in_ns: int, out_ns: int, margin_ns: int) -> None:
         self.shape = shape
@@ -194,6 +204,7 @@ class MeasuredLead:
         self.out_ns = out_ns
         self._char_ns = max(in_ns, out_ns)
         self._needs_ns: deque[int] = deque(maxlen=REMEMBERED)
+        self._own_ns: deque[int] = deque(maxlen=REMEMBERED)
         self._wholes_ns: deque[int] = deque(maxlen=REMEMBERED)
         self.lead_ns: int | None = None
         """After so long a frame may begin to leave. None: it is stored, because too few have been seen, or
@@ -202,17 +213,21 @@ class MeasuredLead:
         """Where enough were seen, and it is not worth it: after how long a frame could begin to leave, and
         after how long the soonest was whole, both since its first piece."""
 
-    def note(self, pieces: Sequence[Piece], left_ns: int = 0) -> None:
+    def note(self, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0) -> None:
         """Learn from a frame that has come whole, whether it was cut through or stored.
 
-        ``left_ns``: by its writing one that was cut through would have had to begin so long after its first
-        piece (``CutThrough.needed_ns``): what the gateway takes between reading and writing is in that.
+        ``own_ns``: so long the gateway took between reading its last bytes and writing them. ``left_ns``: by
+        its writing one that was cut through would have had to begin so long after its first piece
+        (``CutThrough.needed_ns``).
         """
         needs_ns, wholes_ns = self._needs_ns, self._wholes_ns
-        needs_ns.append(max(needed_ns(self.shape, pieces, self.out_ns), left_ns))
+        need_ns = needed_ns(self.shape, pieces, self.out_ns)
+        needs_ns.append(need_ns)
+        self._own_ns.append(max(0, own_ns, left_ns - need_ns))
         wholes_ns.append(pieces[-1].came_ns - pieces[0].came_ns)
         longest_ns = max(needs_ns)
-        lead_ns = longest_ns + (longest_ns - min(needs_ns)) // 2 + self._margin_ns
+        spread_ns = longest_ns - min(needs_ns)
+        lead_ns = longest_ns + spread_ns // 2 + max(self._own_ns) + self._margin_ns
         is_known, whole_ns = len(needs_ns) >= LEARNED_AFTER, min(wholes_ns)
         is_gain = is_known and lead_ns + self._char_ns <= whole_ns
         self.lead_ns = lead_ns if is_gain else None

@@ -377,7 +377,7 @@ class LineExchange(CuttingLine):
             assert transaction.port is not None
             self.meter.note(transaction, transaction.port, pdu, now_ns)
         if cuts is not None:
-            cuts.note(transaction, pdu, turned)
+            cuts.note(transaction, pdu, turned, now_ns)
         if self._gaps.is_watching:
             self._gaps.ended(transaction, now_ns)
         if axes:

@@ -280,7 +280,7 @@ def _table(
     inside = [x for x in positions if low <= x <= high]
     probe = screw.table(shape, inside, one_way=points.one_way)
     offset = _offset(screw, shape, probe, home)
-    table = screw.table(shape, inside, offset=offset, one_way=points.one_way)
+    table = screw.table(shape, inside, offset=offset, one_way=points.one_way) if offset else probe
     if len(inside) == len(positions):
         return table
     return at_positions(table, positions)

@@ -141,7 +141,7 @@ class Process:
     def without_periods(self) -> Array:
         """Return the covariance of the samples without what repeats."""
         bare = Kind(self.kind.order, self.kind.has_short, joint=self.kind.joint)
-        return _covariance(self.samples, bare, self.sizes, self._free)
+        return _Covariance.of(self.samples, bare, self._free).at(self.sizes)
 
     def _straight(self, at: Array) -> Array:
         middle = self.samples.places.mean()
@@ -150,9 +150,9 @@ class Process:
 
     def _reach(self, at: Array) -> Array:
         places = self.samples.places
-        distance = at[:, None] - places[None, :]
+        distances = _Distances.of(self.kind, at[:, None] - places[None, :])
         trend = _trend(self.samples, self.kind, at) @ _trend(self.samples, self.kind, places).T
-        result: Array = _kernel(self.kind, self.sizes, distance) + self._free * trend
+        result: Array = _kernel(self.kind, self.sizes, distances) + self._free * trend
         return result
 
     def _noise(self) -> Array:
@@ -202,7 +202,7 @@ def _with_sizes(samples: Samples, kind: Kind, sizes: Mapping[str, float]) -> Pro
     """Return a process of known sizes, with how well it explains the samples."""
     line, rest, typical = _about_line(samples)
     free = TREND * typical**2
-    inverse: Array = np.linalg.inv(_covariance(samples, kind, sizes, free)).astype(np.float64)
+    inverse: Array = np.linalg.inv(_Covariance.of(samples, kind, free).at(sizes)).astype(np.float64)
     score = _Search(_thinned(samples, rest), kind, typical).cost(sizes)
     count = len(sizes) + (kind.joint is not None)
     score += 0.5 * log(len(samples.places)) * count  # Schwarz's: what is added must be worth it
@@ -302,7 +302,7 @@ class _Search:
         self._samples = samples
         self._kind = kind
         self._typical = typical
-        self._free = TREND * typical**2
+        self._covariance = _Covariance.of(samples, kind, TREND * typical**2)
         low, high = log(typical * 1e-4), log(typical * 30)
         span, gap = samples.span, samples.gap
         self._bounds = {
@@ -339,7 +339,10 @@ class _Search:
                 if steps[name] <= _FINEST:
                     continue
                 for sign in (1, -1):
-                    moved = {**sizes, name: self._inside(name, sizes[name] + sign * steps[name])}
+                    size = self._inside(name, sizes[name] + sign * steps[name])
+                    if size == sizes[name]:  # at its bound: nothing would change
+                        continue
+                    moved = {**sizes, name: size}
                     cost = self.cost(moved)
                     if cost < best - 1e-9:
                         best, sizes = cost, moved
@@ -355,9 +358,8 @@ class _Search:
 
     def cost(self, sizes: Mapping[str, float]) -> float:
         """Return the negative logarithm of the likelihood, with weak beliefs about the sizes of screws."""
-        covariance = _covariance(self._samples, self._kind, sizes, self._free)
         try:
-            root = np.linalg.cholesky(covariance)
+            root = np.linalg.cholesky(self._covariance.at(sizes))
         except np.linalg.LinAlgError:
             return inf
         white = np.linalg.solve(root, self._samples.values)
@@ -381,14 +383,46 @@ def _belief(size: float, around: float, spread: float) -> float:
     return 0.5 * ((size - log(around)) / spread) ** 2
 
 
-def _covariance(samples: Samples, kind: Kind, sizes: Mapping[str, float], free: float) -> Array:
-    places = samples.places
-    trend = _trend(samples, kind, places)
-    covariance = _kernel(kind, sizes, places[:, None] - places[None, :]) + free * (trend @ trend.T)
-    short = np.exp(2 * sizes[_SHORT]) if kind.has_short else 0.0
-    # A share that nothing measures keeps the sums solvable where readings have no scatter.
-    covariance[np.diag_indices(len(places))] += _noise_variance(samples, sizes) + short + 3e-12 * free
-    return covariance
+@dataclass(frozen=True, slots=True)
+class _Distances:
+    """Distances of places, with what a kernel has of them whatever the sizes."""
+
+    signed: Array
+    absolute: Array
+    waves: tuple[Array, ...]
+    """The cosine of each period."""
+
+    @classmethod
+    def of(cls, kind: Kind, signed: Array) -> "_Distances":
+        waves = tuple(np.cos(2 * pi * signed / period) for period in kind.periods)
+        return cls(signed, np.abs(signed), waves)
+
+
+@dataclass(frozen=True, slots=True)
+class _Covariance:
+    """The covariance of samples, for one set of sizes after the other: what is the same for all is kept."""
+
+    samples: Samples
+    kind: Kind
+    free: float
+    distances: _Distances
+    trend: Array
+
+    @classmethod
+    def of(cls, samples: Samples, kind: Kind, free: float) -> "_Covariance":
+        places = samples.places
+        trend = _trend(samples, kind, places)
+        distances = _Distances.of(kind, places[:, None] - places[None, :])
+        return cls(samples, kind, free, distances, free * (trend @ trend.T))
+
+    def at(self, sizes: Mapping[str, float]) -> Array:
+        """Return the covariance that the samples have with these sizes."""
+        covariance = _kernel(self.kind, sizes, self.distances) + self.trend
+        short = np.exp(2 * sizes[_SHORT]) if self.kind.has_short else 0.0
+        # A share that nothing measures keeps the sums solvable where readings have no scatter.
+        alone = _noise_variance(self.samples, sizes) + short + 3e-12 * self.free
+        covariance.flat[:: len(covariance) + 1] += alone
+        return covariance
 
 
 def _noise_variance(samples: Samples, sizes: Mapping[str, float]) -> Array:
@@ -400,18 +434,17 @@ def _noise_variance(samples: Samples, sizes: Mapping[str, float]) -> Array:
     return result
 
 
-def _kernel(kind: Kind, sizes: Mapping[str, float], distance: Array) -> Array:
-    covariance = np.exp(2 * sizes[_SMOOTH]) * _matern(kind.order, np.abs(distance) / np.exp(sizes[_LENGTH]))
+def _kernel(kind: Kind, sizes: Mapping[str, float], distances: _Distances) -> Array:
+    ratio = distances.absolute / np.exp(sizes[_LENGTH])
+    covariance: Array = np.exp(2 * sizes[_SMOOTH]) * _matern(kind.order, ratio)
     if kind.periods:
         repeating = sum(
-            np.exp(2 * sizes[_period(index)]) * np.cos(2 * pi * distance / period)
-            for index, period in enumerate(kind.periods)
+            np.exp(2 * sizes[_period(index)]) * wave for index, wave in enumerate(distances.waves)
         )
         if kind.changes:
-            repeating = repeating * np.exp(-0.5 * (distance / np.exp(sizes[_CHANGE])) ** 2)
+            repeating = repeating * np.exp(-0.5 * (distances.signed / np.exp(sizes[_CHANGE])) ** 2)
         covariance = covariance + repeating
-    result: Array = covariance
-    return result
+    return covariance
 
 
 def _matern(order: float, ratio: Array) -> Array:

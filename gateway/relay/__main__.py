@@ -3,17 +3,16 @@
 It runs the compiled configuration. Nothing here may load what only reading a configuration needs.
 """
 
-import argparse
 import gc
 import os
 import signal
 import sys
 from functools import partial
-from pathlib import Path
 
 from gateway.ipc.children import follow_parent, tell_parent
 from gateway.ipc.compiled_plan import read_plan
-from gateway.ipc.notes import LogFormat, note_writer
+from gateway.ipc.notes import note_writer
+from gateway.ipc.program_options import options_of
 from gateway.ipc.service_manager import handed_over, manager_of
 from gateway.ipc.state_folder import StateError, state_folder
 from gateway.relay.errors import StartError
@@ -21,14 +20,14 @@ from gateway.relay.errors import StartError
 
 def main() -> int:
     """Run until a signal ends it; returns the exit code."""
-    options = _options()
+    options = options_of(sys.argv[1:])
     # What is loaded stays: to search all of it for garbage again and again is a tenth of the start.
     gc.disable()
     from gateway.relay.run import Service, run_relay
 
     gc.enable()
     follow_parent(options.parent, signal.SIGTERM)
-    config: Path = options.config
+    config = options.config
     service = None
     if not options.parent:  # a child of run is no service of its own
         service = Service(manager_of(os.environ), tuple(handed_over(os.environ)))
@@ -38,7 +37,7 @@ def main() -> int:
         run_relay(
             plan,
             note_writer(options.log_format),
-            options.status_every,
+            options.status_every_s,
             state=state,
             on_ready=partial(tell_parent, options.parent),
             service=service,
@@ -52,15 +51,6 @@ def main() -> int:
     for problem in problems:
         sys.stderr.write(f"{config}: {problem}\n")
     return 1
-
-
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="pitch-gateway relay")
-    parser.add_argument("config", type=Path)
-    parser.add_argument("--log-format", type=LogFormat, default=LogFormat.AUTO)
-    parser.add_argument("--status-every", type=float, default=0.0)
-    parser.add_argument("--parent", type=int, default=0, help="process to end with")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ DAMAGED_SHARE: Final = 0.01
 """Of the frames of a minute; on a good wire there is none in days."""
 FEWEST_TRIES: Final = 3
 """Times that another one wanted an axis within a minute: once is a mistake, more are two programs."""
+_ORDER: Final = {kind: number for number, kind in enumerate(kinds.TROUBLES)}
 
 Place = tuple[str, ...]
 """From outside to inside: nothing for the gateway; a line; on it a unit id, or a controller; an axis."""
@@ -80,8 +81,9 @@ def troubles(model: Mapping[str, Any]) -> list[Trouble]:
         *_of_supervisor(model["supervisor"]),
     ]
     causes = [trouble for trouble in found if not any(other.hides(trouble) for other in found)]
-    order = {entry: number for number, entry in enumerate(kinds.TROUBLES.values())}
-    return sorted(causes, key=lambda each: (each.entry.severity is not Severity.ERROR, order[each.entry]))
+    return sorted(
+        causes, key=lambda each: (each.entry.severity is not Severity.ERROR, _ORDER[each.entry.kind])
+    )
 
 
 def of_axis(found: Sequence[Trouble], axis: str) -> dict[str, Any] | None:

@@ -70,14 +70,14 @@ def recognise(source: SourceText) -> bool:
 
     It cannot tell type 0 from type 1.
     """
-    points = [text for line in source.lines if (text := _content(line))]
-    if not points:
+    points = (text for line in source.lines if (text := _content(line)))
+    if (first := next(points, None)) is None:
         return False
-    if _is_triplet(points[0]):
+    if _is_triplet(first):
         return True
-    if _WORD.search(points[0]):
+    if _WORD.search(first):
         return False
-    others = [_is_triplet(point) for point in points[1:]]
+    others = [_is_triplet(point) for point in points]
     return len(others) >= 2 and sum(others) >= len(others) - 1
 
 

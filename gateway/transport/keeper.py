@@ -1,7 +1,7 @@
 """Keeps one channel open for ever: opens it, waits until it is lost, opens it again."""
 
 import asyncio
-import random
+import os
 from collections.abc import Awaitable, Callable
 from typing import Final
 
@@ -32,7 +32,8 @@ class Backoff:
         if attempt == 0:
             return FIRST_RETRY_S
         pause_s = min(BACKOFF_START_S * 2.0 ** min(attempt - 1, 16), BACKOFF_MAX_S)
-        return pause_s * random.uniform(1.0 - BACKOFF_JITTER, 1.0 + BACKOFF_JITTER)
+        share = int.from_bytes(os.urandom(2)) / 0xFFFF
+        return pause_s * (1.0 + BACKOFF_JITTER * (2.0 * share - 1.0))
 
 
 class Keeper:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 from tests.child import started
 from tests.config.config_bench import TWO_WAYS, edited, written
 
@@ -49,11 +49,11 @@ def test_the_table(tmp_path: Path) -> None:
     assert "x read status 8+7 9.17 1.00 17.2 8.02 35.4 17.2 2.6 %" in rows
     # 49.125 + 39.958 + 35.375 and three silences of 4.010; without the gateway 24.0625 + 19.479 + 17.1875.
     assert "  a round of these 3: 136, that is 7.3 a second; without the gateway 72.8" in lines
-    # A character is 1.1458 ms: 9 and 6 of them less 0.2, and 49.1 less both; 6 and 5; 6 and 4.
-    assert "x write target 10.1 6.67 32.3" in rows
-    assert "x read position 6.67 5.53 27.8" in rows
-    assert "x read status 6.67 4.38 24.3" in rows
-    assert "a round 96.4" in rows
+    # A character is 1.1458 ms: 9 and 6 of them less 0.36, and 49.1 less both; 6 and 5; 6 and 4.
+    assert "x write target 9.95 6.51 32.7" in rows
+    assert "x read position 6.51 5.37 28.1" in rows
+    assert "x read status 6.51 4.22 24.6" in rows
+    assert "a round 97.4" in rows
     assert all(len(line) <= 80 for line in lines)
     assert "\x1b" not in result.stdout
 
@@ -150,21 +150,21 @@ def test_the_data(tmp_path: Path) -> None:
         "waited_ms": 34.229,
         "direct_ms": 24.062,
         "direct_waited_ms": 9.167,
-        # 4 and 2 characters of 1.1458 ms and 0.2; of 13 and 8 the rest.
+        # 4 and 2 characters of 1.1458 ms and 0.3615; of 13 and 8 the rest.
         "cut_through": {
-            "request_lead_ms": 4.783,
-            "request_saves_ms": 10.112,
-            "reply_lead_ms": 2.492,
-            "reply_saves_ms": 6.675,
-            "total_ms": 32.338,
-            "waited_ms": 17.442,
+            "request_lead_ms": 4.945,
+            "request_saves_ms": 9.951,
+            "reply_lead_ms": 2.653,
+            "reply_saves_ms": 6.514,
+            "total_ms": 32.66,
+            "waited_ms": 17.765,
         },
         "added_frames_ms": 23.49,
         "timeout_share": 0.0342,
     }
     assert line["controllers"]["cnc"]["round"]["total_ms"] == pytest.approx(136.49, abs=0.001)
-    # Less 15, 11 and 10 characters and three times two margins of 0.2.
-    assert line["controllers"]["cnc"]["round"]["cut_through_ms"] == pytest.approx(96.44, abs=0.001)
+    # Less 15, 11 and 10 characters and three times two margins of 0.3615.
+    assert line["controllers"]["cnc"]["round"]["cut_through_ms"] == pytest.approx(97.408, abs=0.001)
     assert line["controllers"]["hmi"]["baudrate_bd"] is None
     assert [each["what"] for each in line["remedies"]["cnc"]] == [
         "drives at 115200 Bd",

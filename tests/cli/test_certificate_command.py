@@ -10,7 +10,7 @@ import pytest
 from cryptography import x509
 from typer.testing import CliRunner, Result
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 from tests.certificates import Shop
 
 

@@ -10,7 +10,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 
 APP: Any = typer.main.get_command(app)  # typer brings a click of its own
 

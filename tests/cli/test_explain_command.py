@@ -11,8 +11,8 @@ from gateway.catalogue.events import EVENTS
 from gateway.catalogue.lookup import look_up
 from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import STARTS
+from gateway.cli.app import app
 from gateway.cli.explain import _complete
-from gateway.cli.main import app
 from gateway.cli.status_output import SHOWN
 from tests.supervisor.http.exposition import families
 from tests.supervisor.http.http_bench import SICK, model, snapshot

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 from gateway.config.load import load
 from gateway.config.service_units import drop_ins
 from tests.lesser import lesser

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from typer.testing import CliRunner, Result
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 
 TABLES = Path(__file__).parents[2] / "tables"
 SAMPLE = TABLES / "centroid-v3" / "cnc10z.tab"

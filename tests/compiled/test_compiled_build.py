@@ -173,8 +173,22 @@ def hatch(sources: Path, temporary: Path, *before: str) -> list[str]:
     return done.stderr.splitlines()
 
 
+def compile_only(copy: Path, module: str) -> None:
+    """Have a copy compile one module: mypy reads what that imports, and not all of the hot path."""
+    tool = copy / "tools" / "compiled.py"
+    text, count = re.subn(
+        r"^(PATTERNS|PLAIN) = \([^)]*\)$",
+        lambda found: f'{found[1]} = ("{module}",)' if found[1] == "PATTERNS" else f"{found[1]} = ()",
+        tool.read_text(),
+        flags=re.MULTILINE,
+    )
+    assert count == 2
+    tool.write_text(text)
+
+
 def test_a_construct_that_cannot_be_compiled_is_named_in_two_lines(tmp_path: Path) -> None:
     copy = copied(tmp_path / "copy")
+    compile_only(copy, "exchange/counters.py")
     module = copy / "gateway" / "exchange" / "counters.py"
     line = module.read_text().count("\n") + 4
     module.write_text(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 
 DOCS = Path(__file__).parents[2] / "docs"
 GUIDES = ("install.md", "measure.md", "metrology.md", "operations.md")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 from tests.metrology.iso230_results import PRINTED, RIGHT
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 from gateway.drives import library
 from gateway.drives.profile import Profile
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 from gateway.cli.serial_ports import serial_ports
 from gateway.config.load import load
 from gateway.drives import library

@@ -68,7 +68,7 @@ class PieceLink(Link):
         super().send_request(unit_id, pdu)
         if unit_id:
             self.decoder.expect(unit_id, pdu)
-        self.left.append((self.now_ns(), append_crc(bytes((unit_id,)) + pdu)))
+        self.lead(append_crc(bytes((unit_id,)) + pdu))
 
     def abandon(self) -> None:
         super().abandon()

@@ -17,6 +17,7 @@ from gateway.exchange.cut_through import Turn
 from gateway.exchange.latency import bucket_of
 from gateway.exchange.leads import (
     LEARNED_AFTER,
+    REMEMBERED,
     Piece,
     acknowledgement_shape,
     margin_ns,
@@ -313,9 +314,9 @@ def test_a_request_is_torn_where_it_is_written_later_than_the_transmitter_is_emp
 @pytest.mark.parametrize(
     ("late_ms", "begins"),
     [
-        # Three characters after its first one, what it was late, half of that, and the margin.
-        (0.1, (4.475, "01 10 06 06")),
-        (1.0, (5.825, "01 10 06 06 00")),
+        # Three characters after its first one, what it was late, and the margin.
+        (0.1, (4.425, "01 10 06 06")),
+        (1.0, (5.325, "01 10 06 06 00")),
     ],
 )
 def test_the_next_request_leaves_so_much_later_as_the_gateway_took_between_reading_and_writing(
@@ -331,6 +332,41 @@ def test_the_next_request_leaves_so_much_later_as_the_gateway_took_between_readi
     began_ns = line.come(frame_of(write(COMMAND, 10_200)))
     assert line.to_drives(began_ns)[0] == begins
     assert line.requests() == {Turn.COMMITTED: 2}
+
+
+def test_a_late_writing_is_forgotten_after_a_while_whatever_lead_it_has_brought() -> None:
+    line = site()
+    stands_still(line, line.link, 4, 2.0)
+    begins = []
+    for number in range(REMEMBERED + 2):
+        began_ns = line.come(frame_of(write(COMMAND, 10_040 + 20 * number)))
+        begins.append(line.to_drives(began_ns)[0][0])
+        line.link.on_piece = lambda: None
+        line.pass_to(line.bench.now_ns + 10 * MS)
+        line.reply(ACKNOWLEDGED)
+        line.pass_to(line.bench.now_ns + 10 * MS)
+    # 13 − 7 characters after the first one at 1, and the margin.
+    assert begins == [4.325, *[6.325] * REMEMBERED, 4.325]
+    assert line.requests() == {Turn.COMMITTED: REMEMBERED + 2}
+
+
+def test_a_gateway_that_is_always_too_slow_tears_one_request_and_stores_all_others() -> None:
+    line = site()
+
+    def takes_8_ms() -> None:
+        cut = line.cutter._cut
+        if cut is None or cut.is_over:  # stored, or the check sum leaves
+            line.bench.now_ns += 8 * MS
+
+    line.link.on_piece = takes_8_ms
+    for number in range(2 * REMEMBERED):
+        line.come(frame_of(write(COMMAND, 10_040 + 20 * number)))
+        line.pass_to(line.bench.now_ns + 10 * MS)
+        line.reply(ACKNOWLEDGED)
+        line.pass_to(line.bench.now_ns + 10 * MS)
+    # 3 + 8 characters, the margin and the one to be gained are more than the 12 in which it is whole.
+    assert line.requests() == {Turn.COMMITTED: 1}
+    assert (line.cuts.requests[Turn.KEPT], line.cuts.torn) == (2 * REMEMBERED - 1, 1)
 
 
 @pytest.mark.parametrize("is_good", [True, False])

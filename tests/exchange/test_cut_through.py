@@ -329,3 +329,35 @@ def test_each_end_in_each_state(state: Cut, why: Turn) -> None:
     assert cut.deadline_ns is None
     # Whatever comes from now on, nothing more leaves.
     assert play(cut, [(9000, WRITE), (20000, WRITE)], 90000) == []
+
+
+@pytest.mark.parametrize(
+    ("came", "written_ns", "needed_ns"),
+    [
+        # Its first byte came at 1 000. Byte 7 is the first of the position, byte 11 that of the check sum:
+        # 11 000 − 7 characters, and 13 000 − 11, since 1 000.
+        ({5: 5000, 7: 7000, 11: 11_000, 13: 13_000}, [5000, 7000, 11_000, 13_000], 3000),
+        ({5: 5000, 7: 7000, 11: 11_000, 13: 13_000}, [5000, 7000, 12_000, 13_000], 4000),
+        # Twice empty, for 2 000 and for 1 000: 19 000 − 11 characters, since 1 000.
+        ({5: 5000, 7: 7000, 11: 11_000, 13: 13_000}, [5000, 7000, 14_000, 19_000], 7000),
+        # The process stood still before the first bytes were written; all others were in time.
+        ({5: 5000, 9: 9000, 11: 11_000, 13: 13_000}, [9000, 9000, 11_000, 13_000], 3000),
+        # Nobody looked at 5 000, and all left in one when the rest had come.
+        ({4: 4000, 13: 5200}, [5200], 0),
+        ({4: 4000, 13: 5200}, [9200], 0),
+    ],
+)
+def test_how_late_it_would_have_had_to_begin_by_when_it_was_written(
+    came: dict[int, int], written_ns: list[int], needed_ns: int
+) -> None:
+    cut, _, _ = write(stall_ns=99_000)
+    cut.feed(WRITE[:1], 1000)
+    so_far, times = 1, iter(written_ns)
+    for count, now_ns in came.items():
+        left = cut.feed(WRITE[so_far:count], now_ns)
+        so_far = count
+        if left:
+            until_ns = next(times)
+            cut.written(len(left), until_ns, until_ns)
+    assert (cut.state, cut.left, next(times, None)) == (Cut.WHOLE, SENT, None)
+    assert cut.needed_ns == needed_ns

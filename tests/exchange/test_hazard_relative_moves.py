@@ -18,7 +18,10 @@ from tests.exchange.staged_bench import (
     relative_by,
     staged_plan,
 )
+from tests.soak import repeated
 
+MOVES = repeated(5_000)
+"""In each way in which they may come; thousands, stored, are in ``test_relative_moves_for_long``."""
 SLOPE = make_table([0, 100], [0.0, 0.5], [0.0, 0.5], Units.MM)
 """5 counts more per mm of 1000 counts, the same in both directions."""
 MILD = make_table([0, 50, 100], [0.010, 0.060, -0.020], [-0.015, 0.030, -0.055], Units.MM)
@@ -53,7 +56,7 @@ def test_m5_no_error_adds_up_over_many_random_moves(base: Action) -> None:
     rng = random.Random(7)
     bench.go_to(50_000)
     nominal, distance = 50_000, 0
-    for _ in range(2_000):
+    for _ in range(MOVES):
         distance = rng.randint(max(-3_000, 1_000 - nominal), min(3_000, 99_000 - nominal)) or 1
         by(bench, distance)
         nominal += distance

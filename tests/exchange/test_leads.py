@@ -199,6 +199,27 @@ def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_a
     assert lead.lead_ns == 4000
 
 
+@pytest.mark.parametrize("late", [{"own_ns": 900}, {"left_ns": 3900}, {"own_ns": -50_000, "left_ns": 3900}])
+def test_what_the_gateway_took_itself_is_remembered_and_forgotten_after_a_while(late: dict[str, int]) -> None:
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(LEARNED_AFTER):
+        lead.note(steady(13))
+    lead.note(steady(13), **late)
+    assert lead.lead_ns == 3000 + 900 + 1000
+    for _ in range(REMEMBERED - 1):
+        lead.note(steady(13), left_ns=3000)
+    assert lead.lead_ns == 4900
+    lead.note(steady(13), left_ns=3000)
+    assert lead.lead_ns == 4000
+
+
+def test_a_gateway_that_is_always_too_slow_stores_for_good() -> None:
+    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(3 * REMEMBERED):
+        lead.note(steady(13), own_ns=8000)
+        assert lead.lead_ns is None  # 3 + 8 + 1 and the character that is to be gained, of 12
+
+
 def test_a_port_that_hands_frames_over_whole_stores() -> None:
     lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(2 * LEARNED_AFTER):

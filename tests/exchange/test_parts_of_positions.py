@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from gateway.exchange.plan import Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, write
+from tests.soak import repeated
 
 
 def moved(counts: int = 50_000) -> Bench:
@@ -123,7 +124,7 @@ def test_a_write_whose_counts_lie_about_a_position_is_refused(lie: str) -> None:
     assert bench.seen == []
 
 
-@settings(max_examples=150)
+@settings(max_examples=repeated(500))
 @given(
     st.lists(st.tuples(st.sampled_from(["low", "high", "mask", "whole"]), st.integers(0, 65535)), max_size=12)
 )

@@ -28,6 +28,7 @@ from tests.exchange.line_bench import (
 )
 from tests.exchange.record_bench import RecordBench
 from tests.exchange.staged_bench import HOMED_BIT, STATUS, StagedDrive, staged_plan
+from tests.soak import repeated
 
 SCREW = make_table([0, 30, 55, 100], [0.02, 0.14, -0.06, 0.1], [0.0, 0.09, -0.1, 0.07], Units.MM)
 Op = tuple[str, int, float]
@@ -101,14 +102,14 @@ def check_goes_on(plan: AxisPlan, ops: list[Op], at: int) -> RecordBench:
     return again
 
 
-@settings(max_examples=150)
+@settings(max_examples=repeated(500))
 @given(st.lists(st.one_of(targets, targets, others, switches), min_size=1, max_size=12), st.data())
 def test_targets_go_on_after_a_kill_with_the_same_words_and_readings(ops: list[Op], data: Any) -> None:
     ops = [("move", 50_000, 1.0), ("arrive", 0, 0.0), *ops]
     check_goes_on(axis_plan(table=SCREW), ops, data.draw(st.integers(2, len(ops))))
 
 
-@settings(max_examples=150)
+@settings(max_examples=repeated(500))
 @given(
     streams(),
     st.sampled_from(
@@ -148,7 +149,7 @@ def test_m1_a_half_after_a_restart_is_completed_from_the_record() -> None:
     assert read(COMMAND) not in again.seen
 
 
-@settings(max_examples=100)
+@settings(max_examples=repeated(400))
 @given(streams(), st.integers(11, 400), st.booleans(), st.data())
 def test_a_setpoint_that_was_on_the_wire_counts_as_it_is_found(
     ops: list[Op], step: int, has_arrived: bool, data: Any

@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from gateway.cli.app import app
 from gateway.cli.listening.ear import Ear, Setting
-from gateway.cli.main import app
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
 from gateway.transport.errors import RefusedError

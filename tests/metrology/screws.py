@@ -12,11 +12,13 @@ again at irregular targets, another at even ones that hide its turn.
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from math import exp, log, pi, sin
+from math import exp, log, pi
 from pathlib import Path
 from random import Random
 from statistics import fmean, median
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable
@@ -24,7 +26,6 @@ from gateway.compensation.units import Units
 from gateway.metrology.drift import drift_of, without_drift
 from gateway.metrology.evaluation import evaluate
 from gateway.metrology.lead import Period, periods_of
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.program import random_targets
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Built, Recipe, build_from
@@ -40,7 +41,8 @@ WITHIN_UM: Final = 0.2
 WORSE: Final = 1.1
 """By so much more than the best of them the default may leave."""
 
-Curve = Callable[[float], float]
+Curve = Callable[[Any], Any]
+"""Of one place, or of an array of places: a truth of thousands is worked out at once."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class Kind:
 
 
 def wave(amplitude_um: float, period: float, phase: float) -> Curve:
-    return lambda x: amplitude_um / 1000 * sin(2 * pi * x / period + phase)
+    return lambda x: amplitude_um / 1000 * np.sin(2 * pi * x / period + phase)
 
 
 def constant(um: float) -> Curve:
@@ -103,7 +105,7 @@ def geared(phases: Sequence[float]) -> tuple[Curve, Curve]:
 def worn(phases: Sequence[float]) -> tuple[Curve, Curve]:
     return (
         total(lambda x: 20e-6 * x, wave(4, 400, phases[0])),
-        lambda x: 0.005 + 0.02 * exp(-(((x - 180) / 50) ** 2)),
+        lambda x: 0.005 + 0.02 * np.exp(-(((x - 180) / 50) ** 2)),
     )
 
 
@@ -113,7 +115,7 @@ def long(phases: Sequence[float]) -> tuple[Curve, Curve]:
 
 def jointed(phases: Sequence[float]) -> tuple[Curve, Curve]:
     """Two screws in one: the slope changes at the joint."""
-    return (lambda x: 40e-6 * x if x < 260 else 0.0104 - 30e-6 * (x - 260)), constant(8)
+    return (lambda x: np.where(x < 260, 40e-6 * x, 0.0104 - 30e-6 * (x - 260))), constant(8)
 
 
 def short(phases: Sequence[float]) -> tuple[Curve, Curve]:
@@ -145,17 +147,17 @@ class Screw:
     error: Curve
     lost: Curve
 
-    def deviation(self, place: float, way: Direction) -> float:
+    def deviation(self, place: Any, way: Direction) -> Any:
         """Where the nut stands, less where the drive does."""
         return self.error(place) - way.value * self.lost(place) / 2
 
-    def of_run(self, place: float, way: Direction, run: int) -> float:
+    def of_run(self, place: Any, way: Direction, run: int) -> Any:
         """The same while a run is measured."""
         return self.deviation(place, way)
 
     def survey(self, targets: Sequence[float], noise_um: float, random: Random) -> Survey:
         readings = [
-            Reading(x, way, x + self.of_run(x, way, run) + random.gauss(0, noise_um / 1000), run)
+            Reading(x, way, x + float(self.of_run(x, way, run)) + random.gauss(0, noise_um / 1000), run)
             for run in range(1, self.kind.runs + 1)
             for way in (UP, DOWN)
             for x in targets
@@ -164,13 +166,12 @@ class Screw:
 
     def leaves_um(self, table: CorrectionTable, low: float, high: float) -> float:
         """Return E of what is left in truth, from the first target to the last."""
+        places = np.linspace(low, high, PLACES)
         left = []
-        for index in range(PLACES):
-            x = low + (high - low) * index / (PLACES - 1)
-            for way in (UP, DOWN):
-                moved = correction_at(table, x, way)
-                left.append(moved + self.deviation(x + moved, way))
-        return (max(left) - min(left)) * 1000
+        for way, curve in ((UP, table.forward), (DOWN, table.backward)):
+            moved = np.interp(places, table.positions, curve)  # held outside, as a table is
+            left.append(moved + self.deviation(places + moved, way))
+        return float(np.ptp(left)) * 1000
 
 
 @dataclass(frozen=True)
@@ -320,10 +321,10 @@ class Drifting(Screw):
 
     is_growing: bool = True
 
-    def deviation(self, place: float, way: Direction) -> float:
-        return fmean(self.of_run(place, way, run) for run in range(1, self.kind.runs + 1))
+    def deviation(self, place: Any, way: Direction) -> Any:
+        return sum(self.of_run(place, way, run) for run in range(1, self.kind.runs + 1)) / self.kind.runs
 
-    def of_run(self, place: float, way: Direction, run: int) -> float:
+    def of_run(self, place: Any, way: Direction, run: int) -> Any:
         late = 0.5 if way is DOWN else 0.0
         share = (run - 1 + late) / (self.kind.runs - 1) if self.is_growing else 0.0
         return super().deviation(place, way) + place * (SCALE + GROWTH * share)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import typer.main
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 from tests.child import started
 
 ROOT = Path(__file__).parents[2]

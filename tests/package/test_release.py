@@ -68,9 +68,17 @@ def checkout(folder: Path) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def committed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return checkout(tmp_path_factory.mktemp("committed") / "checkout")
+
+
 @pytest.fixture
-def own(tmp_path: Path) -> Path:
-    return checkout(tmp_path / "checkout")
+def own(committed: Path, tmp_path: Path) -> Path:
+    """A copy of that checkout: to commit all of it anew takes longer than most of what is tried on it."""
+    folder = tmp_path / "checkout"
+    subprocess.run(["cp", "--archive", committed, folder], check=True)
+    return folder
 
 
 def release(

@@ -105,6 +105,7 @@ class Wires:
     def teach(self) -> None:
         """Let the port know what it would have measured, and forget what a busy machine has cost it."""
         (cutter,) = self.cuts._cutters.values()
+        cutter._came = self.cuts.reply._came = None  # else learned from when the next one begins
         for forgotten in (cutter.heads, cutter.replies):
             forgotten._leads.clear()
             forgotten._stored.clear()
@@ -196,7 +197,8 @@ async def test_a_setpoint_and_its_reply_leave_while_they_arrive(
         heard = wires.controller.data
         if heard != ACKNOWLEDGED:
             assert residue_after(heard) == INVERTED
-        if wires.cuts.requests[Turn.COMMITTED] and wires.cuts.replies[Turn.COMMITTED]:
+        is_seen = wires.paced.seen_before_last >= 7 and wires.drive_paced.seen_before_last >= 2
+        if is_seen and wires.cuts.requests[Turn.COMMITTED] and wires.cuts.replies[Turn.COMMITTED]:
             break
     assert wires.cuts.requests[Turn.COMMITTED]
     assert wires.cuts.replies[Turn.COMMITTED]

@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 UNWANTED = (
     *("pydantic", "pymodbus", "aiomqtt", "paho", "starlette", "uvicorn", "prometheus_client", "matplotlib"),
     *("rich", "typer", "structlog", "cryptography", "gateway.cli", "gateway.config", "gateway.tabfile"),
-    *("gateway.supervisor", "gateway.simulator"),
+    *("gateway.supervisor", "gateway.simulator", "argparse", "random", "tempfile"),
 )
 PROGRAM = """
 import asyncio, json, sys

@@ -162,7 +162,7 @@ def test_the_same_report_is_the_same_bytes_whoever_makes_it(elsewhere: dict[str,
 
 def test_matplotlib_is_not_touched_before_something_is_drawn() -> None:
     code = (
-        "import sys, gateway.report.writing, gateway.cli.main\n"
+        "import sys, gateway.report.writing, gateway.cli.app\n"
         "print('matplotlib' in sys.modules, 'numpy' in sys.modules)\n"
     )
     said = subprocess.run(

@@ -11,7 +11,7 @@ from struct import pack
 import pytest
 from typer.testing import CliRunner
 
-from gateway.cli.main import app
+from gateway.cli.app import app
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import ModbusMaster
 from tests.child import started

@@ -20,6 +20,7 @@ from types import ModuleType
 import pytest
 
 from gateway import system
+from gateway.transport import timerfd
 
 SOURCE = Path(system.__file__).with_name("_system.c")
 TOOL = Path(__file__).parents[2] / "tools" / "compiled.py"
@@ -32,9 +33,11 @@ class Calls:
         self.boot_ns: Callable[[], int] = partial(time.clock_gettime_ns, system.CLOCK)
         self.read: Callable[[int, int], bytes] = os.read
         self.write: Callable[[int, bytes], int] = os.write
+        self.set_at: Callable[[int, int], None] = timerfd.set_at
         self._module = module
         if module is not None:
             self.boot_ns, self.read, self.write = module.boot_ns, module.read, module.write
+            self.set_at = module.set_at
 
     def waiting(self, epoll: select.epoll) -> system.Wait:
         if self._module is None:
@@ -179,6 +182,28 @@ def test_the_clock_is_that_of_the_machine(calls: Calls) -> None:
     assert before_ns <= now_ns <= time.clock_gettime_ns(time.CLOCK_BOOTTIME)
 
 
+def test_a_timer_is_set_to_an_instant_and_taken_back(calls: Calls) -> None:
+    timer = timerfd.create()
+    try:
+        calls.set_at(timer, 1)  # long ago
+        assert calls.read(timer, 8) == (1).to_bytes(8, sys.byteorder)
+        at_ns = calls.boot_ns() + 3_000_000
+        calls.set_at(timer, at_ns)
+        with select.epoll() as epoll:
+            epoll.register(timer, select.EPOLLIN)
+            assert calls.waiting(epoll)(-1, 64) == [(timer, select.EPOLLIN)]
+        assert calls.boot_ns() >= at_ns
+        calls.set_at(timer, 0)
+        with pytest.raises(BlockingIOError):
+            calls.read(timer, 8)
+        with pytest.raises(OSError, match="Invalid argument"):
+            calls.set_at(timer, -1)
+    finally:
+        os.close(timer)
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        calls.set_at(10_000, 1)
+
+
 def test_numbers_that_cannot_be_are_refused(in_c: ModuleType) -> None:
     wait = in_c.waiting(0)
     for call, arguments in (
@@ -191,6 +216,6 @@ def test_numbers_that_cannot_be_are_refused(in_c: ModuleType) -> None:
             call(*arguments)
     with pytest.raises(ValueError, match=r"wait\(\) of 5: -1 or 0"):
         wait(5, 64)
-    for call in (in_c.read, in_c.write, wait):
+    for call in (in_c.read, in_c.write, in_c.set_at, wait):
         with pytest.raises(TypeError, match="arguments"):
             call()

@@ -1,0 +1,98 @@
+"""The commands of ``pitch-gateway``, each in a file of its own."""
+
+import sys
+from collections import UserDict
+from importlib import import_module
+from typing import Annotated, Any, Final
+
+import typer
+from typer.core import TyperGroup
+from typer.main import get_group
+
+from gateway.cli.version import version_line
+
+COMMANDS: Final = (
+    "demo",
+    "run",
+    "relay",
+    "supervise",
+    "check",
+    "budget",
+    "probe",
+    "measure",
+    "signtest",
+    "listen",
+    "status",
+    "explain",
+    "enable",
+    "disable",
+    "reference",
+    "reload",
+    "capture",
+    "record",
+    "replay",
+    "init",
+    "token",
+    "service",
+    "simulate",
+    "table",
+    "drives",
+    "certificate",
+)
+"""In the order of ``--help``. Each has its module in ``gateway.cli``, and there a function of its name; or an
+``app``, where it has commands of its own."""
+
+
+class _Loaded(UserDict[str, Any]):
+    """The commands by name, each loaded when it is first asked for: none waits for what the others import."""
+
+    def __init__(self) -> None:
+        super().__init__(dict.fromkeys(COMMANDS))
+
+    def __getitem__(self, name: str) -> Any:
+        if (command := super().__getitem__(name)) is None:
+            command = self.data[name] = _load(name)
+        return command
+
+
+def _load(name: str) -> Any:
+    module = import_module(f"gateway.cli.{name}")
+    one = typer.Typer(rich_markup_mode="rich")
+    if hasattr(module, "app"):
+        one.add_typer(module.app, name=name)
+    else:
+        one.command(name)(getattr(module, name))
+    return get_group(one).commands[name]
+
+
+class _Group(TyperGroup):
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _Loaded()
+
+
+app = typer.Typer(
+    name="pitch-gateway",
+    cls=_Group,
+    help="Leadscrew error compensation in the Modbus cable between a motion controller and its drives.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(value: bool) -> None:
+    if value:
+        sys.stdout.write(version_line())
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit."),
+    ] = False,
+) -> None:
+    """Leadscrew error compensation in the Modbus cable between a motion controller and its drives."""

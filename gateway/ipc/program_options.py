@@ -1,0 +1,46 @@
+"""What a program of ours is started with: CONFIG, then options, each with its value.
+
+They come from our own command line (``cli.processes``), which has checked them: argparse, with all that it
+loads, would be half a megabyte of the relay as long as it runs.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gateway.ipc.notes import LogFormat
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramOptions:
+    """``parent`` is the process to end with, 0: none. Each program has options of its own beside these."""
+
+    config: Path
+    log_format: LogFormat = LogFormat.AUTO
+    parent: int = 0
+    status_every_s: float = 0.0
+    tells_events: bool = False
+
+
+def options_of(words: Sequence[str]) -> ProgramOptions:
+    """Return what the words behind the name of a program say; ends the process where they say nothing.
+
+    >>> options_of(["gateway.toml", "--log-format", "json", "--parent", "7"]).parent
+    7
+    """
+    try:
+        config, *rest = words
+        given = dict(zip(rest[::2], rest[1::2], strict=True))
+        options = ProgramOptions(
+            Path(config),
+            LogFormat(given.pop("--log-format", LogFormat.AUTO.value)),
+            int(given.pop("--parent", "0")),
+            float(given.pop("--status-every", "0")),
+            given.pop("--events", "no") == "yes",
+        )
+    except ValueError as error:
+        sys.exit(f"not as a program of pitch-gateway is started: {error}")
+    if given:
+        sys.exit(f"no option of a program of pitch-gateway: {', '.join(given)}")
+    return options
