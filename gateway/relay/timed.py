@@ -7,6 +7,7 @@ import asyncio
 from typing import Final
 
 from gateway.clock import boot_ns
+from gateway.compiled import mypyc_attr
 from gateway.exchange.control import Control
 from gateway.exchange.cut_line import CutLine, RequestCutter, Wire
 from gateway.exchange.line import LineExchange
@@ -20,6 +21,7 @@ LATE_NS: Final = 20 * NS_PER_MS
 """A time-out that is judged so late was not waited for: the process stood still."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class TimedExchange(Requests):
     """Passes calls on to a :class:`LineExchange` and calls its ``tick`` at its deadline."""
 

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any, Final
 
-from gateway.compiled import is_compiled
 from tests.verify.errors import BrokenRuleError
 from tests.verify.rules import is_settled
 from tests.verify.snapshot import watch_table
-from tests.verify.wires import world_of
+from tests.verify.wires import BytesSide, world_of
 from tests.verify.world import START_NS, Design, Happening, Kept, World
 
 LOOK_EVERY: Final = 64
@@ -56,6 +55,8 @@ class Outcome:
     met: dict[str, int] = field(default_factory=dict)
     """Events of the gateway, refusals, rows of the table of whereabouts, ends of what was cut through."""
     stop_ticks: int = 0
+    digest: str = ""
+    """Of all that left, was answered and was told."""
 
     def add(self, other: "Outcome") -> None:
         """Add what another walk through the same world has shown."""
@@ -64,6 +65,7 @@ class Outcome:
         self.broken += other.broken
         self.met |= other.met
         self.stop_ticks = max(self.stop_ticks, other.stop_ticks)
+        self.digest += other.digest
 
     @property
     def rate(self) -> float:
@@ -271,7 +273,7 @@ class Walk:
     def _sum_up(self) -> None:
         tally, outcome = self.world.tally, self.outcome
         tally.rows |= self.table.taken
-        outcome.stop_ticks = tally.stop_ticks
+        outcome.stop_ticks, outcome.digest = tally.stop_ticks, tally.digest
         outcome.met = dict.fromkeys((f"event {each}" for each in sorted(tally.events)), 1)
         outcome.met |= dict.fromkeys((f"exception {each:#04x}" for each in sorted(tally.refusals)), 1)
         outcome.met |= dict.fromkeys((f"row {each}" for each in sorted(tally.rows)), 1)
@@ -338,10 +340,10 @@ def broken_by(world: World, trace: tuple[Happening, ...]) -> Broken | None:
 
 
 def _listen(world: World, tell: Callable[[str], None]) -> None:
-    """Tell of each frame and each answer as it goes; compiled, not of those that come in pieces."""
+    """Tell of each frame and each answer as it goes, but for those that are cut through."""
     side = world.sides[0]
     send = side.link.send_request
-    line: Any = side if is_compiled() else side.line  # a method of a compiled class cannot be put aside
+    line: Any = side.door if isinstance(side, BytesSide) else side
     reply, request = line.reply, line.request
 
     def sent(unit_id: int, pdu: bytes) -> None:
@@ -360,8 +362,9 @@ def _listen(world: World, tell: Callable[[str], None]) -> None:
 
     side.link.send_request = sent  # type: ignore[method-assign]
     line.reply, line.request = replied, requested
-    for port in side.ports:
-        answer = port.send_reply
+    for number, port in enumerate(side.ports):
+        outlet, name = (side.pipes[number], "_take") if isinstance(side, BytesSide) else (port, "send_reply")
+        answer = getattr(outlet, name)
 
         def answered(
             transaction_id: int, unit_id: int, pdu: bytes, answer: Callable[[int, int, bytes], None] = answer
@@ -369,7 +372,7 @@ def _listen(world: World, tell: Callable[[str], None]) -> None:
             tell(f"             answered        {unit_id}  {pdu.hex(' ')}")
             answer(transaction_id, unit_id, pdu)
 
-        port.send_reply = answered  # type: ignore[method-assign]
+        setattr(outlet, name, answered)
 
 
 def as_test(design: Design, broken: Broken) -> str:

@@ -25,6 +25,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.compiled import is_compiled
+
 ROOT: Final = Path(__file__).parents[2]
 FILES: Final = (
     ROOT / "gateway" / "exchange" / "axis" / "transitions.py",
@@ -459,6 +461,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--list", action="store_true", help="say what mutants there are")
     asked = parser.parse_args(arguments)
+    if is_compiled():
+        parser.error("mutants are sources that were changed, and compiled modules are imported here instead")
     if asked.sample:
         mutants = sample(asked.files, asked.sample, asked.seed)
     else:

@@ -1297,9 +1297,9 @@ def compare(first: "Side", second: "Side") -> None:
         raise BrokenRuleError(
             f"the fast path sends {shown[0] or 'nothing'}, the slow one {shown[1] or 'nothing'} (7)"
         )
-    for one, other in zip(first.ports, second.ports, strict=True):
-        if one.replies != other.replies:
-            shown = [" | ".join(pdu.hex(" ") for _, pdu in each.replies) for each in (one, other)]
+    for one, other in zip(first.replies, second.replies, strict=True):
+        if one != other:
+            shown = [" | ".join(pdu.hex(" ") for _, pdu in each) for each in (one, other)]
             raise BrokenRuleError(f"the fast path answers {shown[0]}, the slow one {shown[1]} (7)")
     if first.link.is_abandoned is not second.link.is_abandoned:
         raise BrokenRuleError("only one of both ways gives the reply up (7)")

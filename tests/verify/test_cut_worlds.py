@@ -12,11 +12,10 @@ from tests.verify.designs_rules import ask
 from tests.verify.errors import BrokenRuleError
 from tests.verify.explore import Walk
 from tests.verify.sometimes import CUT_ENDS
-from tests.verify.test_verify import ACK, PLAIN
+from tests.verify.test_verify import ACK
 from tests.verify.wires_cut import CutPipe, CutSide, CutWorld
 from tests.verify.world import Happening
 
-pytestmark = PLAIN
 LED = (("lead",),)
 LEAVING = (("lead",), ("more",))
 WORLDS = sorted(name for name, design in BY_NAME.items() if design.is_cut)

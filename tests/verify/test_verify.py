@@ -40,16 +40,9 @@ def keeps_what_it_has_met() -> Iterator[None]:
     gc.enable()
 
 
-PLAIN = pytest.mark.skipif(
-    is_compiled(), reason="worlds of bytes put classes of their own over compiled ones, which takes no others"
-)
-
-
 def each_of(*designs: Design) -> list[Any]:
-    """Return worlds as parameters, those of bytes only where nothing is compiled."""
-    return [
-        pytest.param(design, id=design.name, marks=PLAIN if design.is_bytes else ()) for design in designs
-    ]
+    """Return worlds as parameters."""
+    return [pytest.param(design, id=design.name) for design in designs]
 
 
 def test_a_tiny_world_closes_and_has_a_way_back_from_everywhere() -> None:
@@ -129,7 +122,6 @@ def test_states_that_differ_only_in_the_time_of_day_are_the_same() -> None:
     assert keys[0] == keys[1]
 
 
-@PLAIN
 def test_the_lists_of_what_is_left_out_name_only_what_there_is() -> None:
     met: set[str] = set()
     recorded = replace(BY_NAME["killed"], menu=("to", "read", "status"), targets=(9007, 19013))
@@ -211,7 +203,6 @@ def test_a_drive_that_keeps_the_next_target_until_it_is_at_the_one_before_is_see
     assert not waiting.is_unsure
 
 
-@PLAIN
 def test_the_late_rest_of_half_a_request_is_no_request_and_ends_its_connection() -> None:
     half, tail, wait = ("half", 0, "to", 0, 0), ("tail",), ("wait",)
     world = play(BY_NAME["b-requests"], half, wait, tail)
@@ -221,7 +212,6 @@ def test_the_late_rest_of_half_a_request_is_no_request_and_ends_its_connection()
     assert world.is_quiet
 
 
-@PLAIN
 def test_a_late_reply_answers_no_other_request_in_a_world_of_bytes() -> None:
     obeyed = (TO_0, ACK, ("drive", "obey"), ("wait",), TO_0)
     design = replace(BY_NAME["b-replies"], answers=("ack", "obey"))
@@ -232,7 +222,6 @@ def test_a_late_reply_answers_no_other_request_in_a_world_of_bytes() -> None:
     assert world.state.asked[0]
 
 
-@PLAIN
 def test_the_late_rest_of_half_a_request_of_rtu_is_none_and_the_rest_in_time_is_one() -> None:
     half, tail, wait = ("half", 0, "to", 0, 0), ("tail",), ("wait",)
     assert play(BY_NAME["b-rtu"], half, tail).state.wire is not None
@@ -240,7 +229,6 @@ def test_the_late_rest_of_half_a_request_of_rtu_is_none_and_the_rest_in_time_is_
     assert play(BY_NAME["b-rtu"], ("spoil", 0, "to", 0, 0)).state.wire is None  # a bad check sum
 
 
-@PLAIN
 def test_a_late_reply_of_another_size_answers_no_other_request_over_a_serial_wire() -> None:
     read, status, wait = ("ask", 0, "read", 0), ("ask", 0, "status", 0), ("wait",)
     late = (read, wait, wait, status, ("late",))  # 03 0520 0002 is given up, and the line was silent since
@@ -261,7 +249,7 @@ def test_a_trace_is_printed_as_a_test_with_what_went_over_the_wires() -> None:
     assert "('ask', 0, 'to', 0, 1)" in text
 
 
-@PLAIN
+@pytest.mark.skipif(is_compiled(), reason="compiled code has its tables by heart")
 def test_the_table_of_whereabouts_tells_which_of_its_rows_were_taken() -> None:
     table = snapshot.watch_table()
     table.taken.clear()

@@ -4,9 +4,13 @@ A request comes in two pieces, or two in one read; so does a reply, and one that
 request is out. What is not here: the silences of a wire and of a drive, which the links keep with timers of
 the system (``gateway.relay.pacing``): a frame leaves at once. Numbers of frames only grow, and are compared
 with each other alone: where none is out and none may come late they begin anew.
+
+Ports, links, senders and timers are those of the gateway as they are, for compiled classes take no others in
+their place, and few have classes of Python derived from them. No timer of theirs ever rings by itself.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any, Final
 from unittest import mock
@@ -14,12 +18,14 @@ from unittest import mock
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort as AnyPort
-from gateway.exchange.ports import Stamps
+from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
-from gateway.relay.controller_port import MbapControllerPort, Requests
-from gateway.relay.drive_link import NONE, MbapDriveLink
-from gateway.relay.pulse import Beats
+from gateway.relay.controller_port import MbapControllerPort
+from gateway.relay.drive_link import NONE, MbapDriveLink, RtuDriveLink
+from gateway.relay.pacing import PacedSender
+from gateway.relay.timed import TimedExchange
 from gateway.transport.channel import Channel
+from gateway.transport.timer import Timer
 from tests.verify import rules
 from tests.verify.snapshot import Lens
 from tests.verify.world import TICK_NS, TIMING, Asked, Design, Happening, Side, Wire, World
@@ -29,10 +35,47 @@ NOBODY: Final = 0xFFFF
 CUT: Final = 9
 """So many bytes of a request come first: its header, its function code, a byte of its address."""
 REPLY_CUT: Final = 8
+NO_GAP_NS: Final = -(10**18)
+"""A silence that is over, whatever was heard: the clock of a sender is not that of a world."""
+NO_DESCRIPTOR: Final = -1
 
 
-def _keep(port: Any, number: int, _unit_id: int, pdu: bytes) -> None:
-    port.replies.append((number, pdu))
+class NoLoop:
+    """In the place of the loop that wakes timers."""
+
+    def add_reader(self, _fd: int, _callback: Callable[[], None]) -> None:
+        """Nobody is woken."""
+
+
+@contextmanager
+def timers_at_rest() -> Iterator[None]:
+    """Timers that are made meanwhile keep their deadline, and that is all."""
+    with (
+        mock.patch("gateway.transport.timer.create", return_value=NO_DESCRIPTOR),
+        mock.patch("asyncio.get_running_loop", NoLoop),
+    ):
+        yield
+
+
+def pass_once(timer: Timer) -> None:
+    """Let the time of a timer come."""
+    deadline_ns = timer.deadline_ns
+    assert deadline_ns is not None
+    timer.arm(None)
+    timer._callback(deadline_ns)
+
+
+def pass_by(timer: Timer) -> None:
+    """Let every time pass that is waited for."""
+    while timer.deadline_ns is not None:
+        pass_once(timer)
+
+
+def let_go(sender: PacedSender) -> None:
+    """Let a sender that was opened wait for no silence, and not for the one at its beginning either."""
+    sender._gap_ns = NO_GAP_NS
+    sender._timer.arm(None)
+    sender._send_held(0)
 
 
 class Pipe(Channel):
@@ -58,93 +101,99 @@ class Pipe(Channel):
         self.is_closed = True
 
 
-class AtOnce:
-    """Sends without any silence before it."""
+class BytesLink(DriveLink):
+    """A real link, and what left over it and is not waited for any more."""
 
-    wire_ns_per_byte = 0
-
-    def __init__(self, _gap_ns: int, _wire_gap_ns: int = 0) -> None:
-        self._channel: Pipe | None = None
-        self.stamps = Stamps()
-
-    def opened(self, channel: Pipe, _now_ns: int) -> None:
-        """Write there from now on."""
-        self._channel = channel
-
-    def closed(self) -> None:
-        """Write nowhere."""
-        self._channel = None
-
-    def heard(self, _now_ns: int) -> None:
-        """Nothing is waited for."""
-
-    def discard(self) -> None:
-        """Nothing is held back."""
-
-    def close(self) -> None:
-        """Nothing is held back."""
-
-    def send(self, frame: bytes) -> None:
-        """Send."""
-        if self._channel is not None:
-            self._channel.write(frame)
-
-    def may_begin(self, _now_ns: int) -> bool:
-        """Whether there is somewhere to write to."""
-        return self._channel is not None
-
-    def add(self, piece: bytes) -> None:
-        """Send a piece of a frame."""
-        self.send(piece)
-
-
-class BytesLink(MbapDriveLink):
-    """The real link, which tells what left over it and what it does not wait for any more."""
-
-    def __init__(self) -> None:
-        with mock.patch("gateway.relay.drive_link.PacedSender", AtOnce):
-            super().__init__(0)
+    def __init__(self, link: MbapDriveLink | RtuDriveLink, pipe: type[Pipe] = Pipe) -> None:
+        super().__init__(is_serial=link.is_serial)
+        self.real = link
         self.sent: list[tuple[int, bytes]] = []
         self.is_abandoned = False
-        self.pipe = Pipe(lambda _number, unit_id, pdu: self.sent.append((unit_id, pdu)))
+        self.pipe = pipe(lambda _number, unit_id, pdu: self.sent.append((unit_id, pdu)))
+
+    @property
+    def is_awaiting(self) -> bool:
+        """Whether a reply is waited for."""
+        link = self.real
+        if isinstance(link, RtuDriveLink):
+            return link._decoder.is_expecting
+        return link._awaited_id != NONE
+
+    def send_request(self, unit_id: int, pdu: bytes) -> None:
+        """See ``DriveLink``."""
+        self.real.send_request(unit_id, pdu)
 
     def abandon(self) -> None:
         """See ``DriveLink``."""
-        self.is_abandoned |= self._awaited_id != NONE
-        super().abandon()
+        self.is_abandoned |= self.is_awaiting
+        self.real.abandon()
 
-    def number(self, *, is_late: bool) -> int:
-        """Return the number of the request that is out, or of the newest that was given up."""
-        if not is_late and self._awaited_id != NONE:
-            return self._awaited_id
-        return next(reversed(self._unanswered), NOBODY)
+    def may_lead(self, now_ns: int) -> bool:
+        """See ``DriveLink``."""
+        return self.real.may_lead(now_ns)
+
+    def lead(self, piece: bytes) -> None:
+        """See ``DriveLink``."""
+        self.real.lead(piece)
+
+    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+        """See ``DriveLink``."""
+        self.real.leave(unit_id, pdu, rest)
+
+    def opened(self, now_ns: int) -> None:
+        """See ``Receiver``."""
+        self.real.opened(self.pipe, now_ns)
+        let_go(self.real._sender)
 
 
-class NeverStoodStill(Beats):
-    """The process runs without a pause."""
+class Door(TimedExchange):
+    """Where ports and link bring whole frames. No pulse beats here, so the process never stands still.
 
-    def stood_still(self, now_ns: int, longer_than_ns: int) -> bool:
-        """See ``Beats``."""
-        return False
+    ``now_ns``: the instant in the world that they come at; 0: when they say.
+    """
 
+    now_ns = 0
 
-class Door(Requests):
-    """Where the ports bring whole requests."""
-
-    def __init__(self, line: LineExchange) -> None:
-        super().__init__(NeverStoodStill())
-        self._line = line
-        self.cuts = line.cuts
+    def _settle(self) -> None:
+        """The world knows when something is due."""
 
     def request(
-        self, port: AnyPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int, **why: str
+        self,
+        port: AnyPort,
+        transaction_id: int,
+        unit_id: int,
+        pdu: bytes,
+        now_ns: int,
+        *,
+        why_given_up: str = "",
     ) -> None:
         """See ``Requests``."""
-        self._line.request(port, transaction_id, unit_id, pdu, now_ns, **why)
+        now_ns = self.now_ns or now_ns
+        self._exchange.request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
 
     def controller_gone(self, port: AnyPort, now_ns: int) -> None:
         """See ``Requests``."""
-        self._line.controller_gone(port, now_ns)
+        self._exchange.controller_gone(port, now_ns)
+
+    def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
+        """See ``TimedExchange``."""
+        self._exchange.reply(unit_id, pdu, self.now_ns or now_ns)
+
+    def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
+        """See ``TimedExchange``."""
+        self._exchange.stray(self.now_ns or now_ns, unit_id=unit_id)
+
+    def link_up(self, now_ns: int) -> None:
+        """See ``TimedExchange``."""
+        self._exchange.link_up(self.now_ns or now_ns)
+
+    def link_down(self, now_ns: int) -> None:
+        """See ``TimedExchange``."""
+        self._exchange.link_down(self.now_ns or now_ns)
+
+
+def _keep(replies: list[tuple[int, bytes]], number: int, _unit_id: int, pdu: bytes) -> None:
+    replies.append((number, pdu))
 
 
 class BytesSide(Side):
@@ -153,24 +202,35 @@ class BytesSide(Side):
     link: Any
 
     def __init__(self, design: Design, tell: Callable[[Any], None]) -> None:
-        link: Any = BytesLink()
-        self.link = link
-        self.line = LineExchange(design.plans, TIMING, link, tell, design.groups)
-        link.attach(self.line)
-        door = Door(self.line)
-        self.ports: list[Any] = []
-        self.pipes: list[Pipe] = []
-        for plan in design.controllers:
-            port: Any = MbapControllerPort(plan, door, MbapCounters(), lambda _peer: None)
-            port.replies = []
-            self.ports.append(port)
-            self.pipes.append(Pipe(partial(_keep, port)))
-        roots = [self.line, *self.ports, *self.pipes, link]
+        with timers_at_rest():
+            real = MbapDriveLink(0)
+            self.link = BytesLink(real)
+            self.line = LineExchange(design.plans, TIMING, self.link, tell, design.groups)
+            self.door = Door(self.line)
+        real.attach(self.door)
+        self.ports = [
+            MbapControllerPort(plan, self.door, MbapCounters(), lambda _peer: None)
+            for plan in design.controllers
+        ]
+        self.make_pipes(Pipe)
+        roots = [self.line, *self.ports, *self.pipes, self.link]
         self.lens = Lens(roots, TICK_NS, design.horizon_ticks)
+
+    def make_pipes(self, kind: type[Pipe]) -> None:
+        """Give each controller a connection, and keep what it is answered."""
+        self.replies = [[] for _ in self.ports]
+        self.pipes = [kind(partial(_keep, replies)) for replies in self.replies]
+
+    def number(self, *, is_late: bool) -> int:
+        """Return the number of the request that is out, or of the newest that was given up."""
+        link: MbapDriveLink = self.link.real
+        if not is_late and link._awaited_id != NONE:
+            return link._awaited_id
+        return next(reversed(link._unanswered), NOBODY)
 
     def open(self, now_ns: int) -> None:
         """Open every connection."""
-        self.link.opened(self.link.pipe, now_ns)
+        self.link.opened(now_ns)
         for port in range(len(self.ports)):
             self._open(port, now_ns)
 
@@ -184,17 +244,21 @@ class BytesSide(Side):
         """Bytes of a controller."""
         self.ports[port].received(data, now_ns)
 
+    def hear(self, data: bytes, now_ns: int) -> None:
+        """Bytes of the drives."""
+        self.link.real.received(data, now_ns)
+
     def request(self, port: int, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """See ``Side``."""
         self.feed(port, encode_mbap(transaction_id, unit_id, pdu), now_ns)
 
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """See ``Side``."""
-        self.link.received(encode_mbap(self.link.number(is_late=False), unit_id, pdu), now_ns)
+        self.hear(encode_mbap(self.number(is_late=False), unit_id, pdu), now_ns)
 
     def stray(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """See ``Side``."""
-        self.link.received(encode_mbap(self.link.number(is_late=True), unit_id, pdu), now_ns)
+        self.hear(encode_mbap(self.number(is_late=True), unit_id, pdu), now_ns)
 
     def gone(self, port: int, now_ns: int) -> None:
         """See ``Side``."""
@@ -230,10 +294,10 @@ class BytesWorld(World):
 
     def _number_anew(self) -> None:
         """Let the numbers of frames begin at 1 again: only which of them are the same counts."""
-        state, link = self.state, self._side.link
+        state, link = self.state, self._side.link.real
         buffer = link._decoder._buffer
         split = int.from_bytes(buffer[:2], "big") if state.split else 0
-        late = link.number(is_late=True) if state.late is not None else 0
+        late = self._side.number(is_late=True) if state.late is not None else 0
         asked = dict(link._unanswered)
         kept = [each for each in asked if each in (split, late)]
         if link._awaited_id != NONE:
@@ -306,9 +370,9 @@ class BytesWorld(World):
         wire = self.state.wire
         assert wire is not None
         reply = self._obey(wire)
-        data = encode_mbap(self._side.link.number(is_late=False), wire.unit_id, reply)
+        data = encode_mbap(self._side.number(is_late=False), wire.unit_id, reply)
         self.state = self.state._replace(wire=wire._replace(is_obeyed=True), split=(wire.unit_id, reply))
-        self._side.link.received(data[:REPLY_CUT], self.now_ns)
+        self._side.hear(data[:REPLY_CUT], self.now_ns)
         self._collect()
 
     def _on_reply_tail(self) -> None:
@@ -322,7 +386,7 @@ class BytesWorld(World):
         if is_awaited:
             assert wire is not None
             self.state = self.state._replace(wire=None)
-        self._side.link.received(rest, self.now_ns)
+        self._side.hear(rest, self.now_ns)
         if is_awaited:
             self._collect(answered=wire, reply=reply)
             if wire is not None and wire.aim is not None:

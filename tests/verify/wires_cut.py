@@ -3,25 +3,22 @@
 What is abstracted, beside what :mod:`tests.verify.wires_rtu` says: the pieces of a frame come at one instant,
 and the lead of its first byte is 1 ns. So each piece comes before the lead is over or after it, as the world
 has it, and in time unless the world lets the cutter's deadline pass (``stall``). What ports need is not
-learned, and whether it pays is not weighed: both would go on for ever.
+learned, and whether it pays is not weighed: both would go on for ever, and are forgotten with each event.
 
 A witness on each wire (:class:`CutPipe`) takes apart what leaves, and knows nothing of cutters.
 
 A controller whose reply was spoilt has heard nothing, and gives its request up; the gateway counts the reply.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any, Final
 
-from gateway.exchange.cut_line import CutLine, Pauses, RequestCutter
+from gateway.exchange.cut_line import CutLine, RequestCutter
 from gateway.exchange.cut_line import Wire as LineWire
-from gateway.exchange.cut_replies import Replies
-from gateway.exchange.cut_requests import Heads
 from gateway.exchange.cut_through import Cut, Turn
 from gateway.exchange.events import Event
 from gateway.exchange.leads import (
     MeasuredLead,
-    Piece,
     Shape,
     acknowledgement_shape,
     margin_ns,
@@ -31,14 +28,15 @@ from gateway.exchange.leads import (
 )
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort
-from gateway.exchange.transaction import Phase, Transaction
+from gateway.exchange.transaction import Phase
 from gateway.modbus.crc import INTACT, INVERTED, SEAM, residue_after
 from gateway.modbus.pdu import EXCEPTION_BIT
 from gateway.modbus.rtu import encode_rtu
 from tests.verify import rules
 from tests.verify.errors import BrokenRuleError
 from tests.verify.snapshot import Lens, on_its_way
-from tests.verify.wires_rtu import CUT, Instant, RtuSide, RtuWorld, WirePipe
+from tests.verify.wires import Door, pass_by, pass_once
+from tests.verify.wires_rtu import CUT, RtuSide, RtuWorld, WirePipe
 from tests.verify.world import EXCEPTION, TAKES_TIME, TICK_NS, TIMING, Design, Happening, Wire
 
 CHAR_NS: Final = 200_000
@@ -62,69 +60,30 @@ CUTS_REPLY_OFF: Final = ("disconnect", "kill", "kill_bare")
 """The same of a reply."""
 
 
-class SteadyLead(MeasuredLead):
-    """The lead of a port that was measured before, and stays as it is."""
-
-    def __init__(self, shape: Shape) -> None:
-        super().__init__(shape, CHAR_NS, CHAR_NS, margin_ns(CHAR_NS))
-        self.lead_ns = LEAD_NS
-
-    def note(self, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0) -> None:
-        """See ``MeasuredLead``."""
+def steady(*shapes: Shape) -> dict[Shape, MeasuredLead]:
+    """Return the leads of a port that was measured before."""
+    leads = {shape: MeasuredLead(shape, CHAR_NS, CHAR_NS, margin_ns(CHAR_NS)) for shape in shapes}
+    for lead in leads.values():
+        lead.lead_ns = LEAD_NS
+    return leads
 
 
-class SteadyHeads(Heads):
-    """What requests begin like is learned as ever; how they come and what they gain is known."""
+def forget_measured(cutter: RequestCutter) -> None:
+    """What requests begin like, and what is answered, stays; how they come and what they gain is known.
 
-    def __init__(self) -> None:
-        super().__init__(CHAR_NS, CHAR_NS, margin_ns(CHAR_NS))
-        self._leads.update((shape, SteadyLead(shape)) for shape in (read_shape(), write_shape(2, 0, 2)))
-
-    def came(self, frame: bytes) -> None:
-        """See ``Heads``."""
-
-    def pay(self, frame: bytes, gain_ns: int) -> None:
-        """See ``Heads``."""
-
-    def forget(self) -> None:
-        """Be as those of a port that has just been opened."""
-        self._expected.clear()
+    Ports learn from a frame when the next one begins, which is after this. Of what is answered only the data
+    fill up, and no more than their length counts.
+    """
+    cutter._came = None
+    heads, replies = cutter.heads, cutter.replies
+    heads._gains.clear()
+    heads._stored.clear()
+    replies._stored.clear()
+    for key, passed in replies._passed.items():
+        replies._passed[key] = passed[:2] + bytes(len(passed) - 2)
 
 
-class SteadyReplies(Replies):
-    """What is answered is learned as ever, but for its data, which only fill up; how it comes is known."""
-
-    def __init__(self) -> None:
-        super().__init__(CHAR_NS, CHAR_NS, margin_ns(CHAR_NS))
-        shapes = acknowledgement_shape(), reply_shape(1), reply_shape(2, [(0, 2)])
-        self._leads.update((shape, SteadyLead(shape)) for shape in shapes)
-
-    def note(self, transaction: Transaction, passed: bytes) -> None:
-        """See ``Replies``."""
-        super().note(transaction, passed[:2] + bytes(len(passed) - 2))
-
-    def measure(
-        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0
-    ) -> MeasuredLead:
-        """See ``Replies``."""
-        return self._leads[shape]
-
-    def rest(self, shape: Shape) -> None:
-        """See ``Replies``."""
-
-    def forget(self) -> None:
-        """Be as those of a port that has just been opened."""
-        self._passed.clear()
-
-
-class SteadyPauses(Pauses):
-    """Pieces are as far apart as a character."""
-
-    def note(self, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0) -> None:
-        """See ``Pauses``."""
-
-
-class CutDoor(Instant):
+class CutDoor(Door):
     """Brings whole frames to the line, and what follows the requests of each port to that port."""
 
     def __init__(self, line: LineExchange) -> None:
@@ -133,17 +92,15 @@ class CutDoor(Instant):
 
     def follow(self, port: ControllerPort, wire: LineWire) -> RequestCutter:
         """See ``Requests``. A port that is opened again gets the one of before, emptied."""
-        cuts = self._line.cuts
+        cuts = self.cuts
         assert cuts is not None
         cutter = self._cutters.get(port)
         if cutter is None:
             cutter = self._cutters[port] = cuts.follow(port, wire)
-            cutter.heads, cutter.replies = SteadyHeads(), SteadyReplies()
-            cutter._pauses = SteadyPauses(CHAR_NS)
-        assert isinstance(cutter.heads, SteadyHeads)
-        assert isinstance(cutter.replies, SteadyReplies)
-        cutter.heads.forget()
-        cutter.replies.forget()
+            cutter.heads._leads |= steady(read_shape(), write_shape(2, 0, 2))
+            cutter.replies._leads |= steady(acknowledgement_shape(), reply_shape(1), reply_shape(2, [(0, 2)]))
+        cutter.heads._expected.clear()
+        cutter.replies._passed.clear()
         cutter._cut = None
         cuts._cutters[port] = cutter
         return cutter
@@ -186,11 +143,14 @@ class CutPipe(WirePipe):
         """A spoilt frame was the last one."""
         self.ends: list[str] = []
         """How frames have ended since the last event of the world began."""
+        self.written: list[bytes] = []
+        """What was written since that was looked at."""
 
     def write(self, data: bytes) -> None:
         """See ``Channel``. Raises BrokenRuleError."""
         if self.owes_silence:
             raise BrokenRuleError(f"no silence behind a spoilt frame: {data.hex(' ')} (W12)")
+        self.written.append(data)
         frame = self.leaving = self.leaving + data
         residue, length = residue_after(frame), self.length_of(frame)
         if len(frame) < length:
@@ -226,12 +186,9 @@ class CutSide(RtuSide):
 
     def line_of(self, design: Design, tell: Callable[[Event], None]) -> LineExchange:
         """See ``RtuSide``."""
-        line = LineExchange(design.plans, TIMING, self.link, tell, design.groups, cut_through=DRIVES)
-        assert line.cuts is not None
-        line.cuts.reply._pauses = SteadyPauses(CHAR_NS)
-        return line
+        return LineExchange(design.plans, TIMING, self.link, tell, design.groups, cut_through=DRIVES)
 
-    def door_of(self, line: LineExchange) -> Instant:
+    def door_of(self, line: LineExchange) -> Door:
         """See ``RtuSide``."""
         return CutDoor(line)
 
@@ -245,8 +202,8 @@ class CutSide(RtuSide):
         What has begun to come and stands still since is stored: with the next byte its cutter sees that.
         """
         self.door.now_ns = now_ns
-        for each in (*self.ports, self.link):
-            each._cut_timer.pass_by()
+        for each in (*self.ports, self.link.real):
+            pass_by(each._cut_timer)
         if any(pipe.leaving for pipe in (*self.wires, self.link.pipe)):
             raise BrokenRuleError("a frame stands still in the middle, and is not filled up (W12)")
         super().fall_silent(now_ns)
@@ -265,22 +222,28 @@ class CutSide(RtuSide):
         self.open_port(port, now_ns)
 
     def drop_what_is_over(self) -> None:
-        """Let go of frames that have ended: nothing is asked of them any more, and states need not differ.
+        """Let go of what nothing is asked of any more, so that states need not differ.
 
-        So of bytes that answer nothing: they wait, 256 of them, to be a late frame. No frame is late here.
+        Of frames that have ended; of bytes that answer nothing, which wait, 256 of them, to be a late frame,
+        and no frame is late here; of timers that would ring in vain.
         """
-        self.link._decoder._stray = b""
+        self.link.real._decoder._stray = b""
+        self.cuts.reply._came = None
         for port in self.ports:
+            forget_measured(port._cutter)
             if port._cutter._cut is not None and port._cutter._cut.is_over:
                 port._cutter._cut = None
         reply = self.cuts.reply
         transaction = reply._transaction
-        if transaction is None:
-            return
-        if transaction.phase is not Phase.SENT:
+        if transaction is not None and transaction.phase is not Phase.SENT:
             reply._transaction = reply._cut = reply._judge = None
-        elif transaction.is_orphan and reply._cut is not None and reply._cut.is_over:
+        is_for_nobody = transaction is not None and transaction.is_orphan
+        if is_for_nobody and reply._cut is not None and reply._cut.is_over:
             reply._cut = reply._judge = None  # for nobody no other one begins
+        followed = [(port, port._cutter) for port in self.ports]
+        for each, cutter in (*followed, (self.link.real, reply)):
+            if cutter.deadline_ns is None:
+                each._cut_timer.arm(None)
 
     @property
     def wires(self) -> list[CutPipe]:
@@ -317,7 +280,7 @@ class CutSide(RtuSide):
     def cut_off(self, now_ns: int) -> None:
         """The way to the drives is lost."""
         self.door.now_ns = now_ns
-        self.link.closed("", now_ns)
+        self.link.real.closed("", now_ns)
         self.link.pipe.break_off()
 
 
@@ -421,7 +384,7 @@ class CutWorld(RtuWorld):
             found.append(("reply_more",))
         if "again" in design.happenings and state.asked[0]:
             found += [("ask", 0, *each) for each in self._requests()]
-        if self._cut_side.link._cut_timer.deadline_ns is not None:
+        if self._cut_side.link.real._cut_timer.deadline_ns is not None:
             found.append(("reply_stall",) if self.is_replying else ("reply_lead",))
         return found
 
@@ -442,6 +405,9 @@ class CutWorld(RtuWorld):
             each.ends.clear()
             each.owes_silence = False
         self._happen(event)
+        for each in (*side.wires, side.link.pipe):
+            self.tally.note(each.written)
+            each.written.clear()
         ends = side.ends()
         if ends != cut_ends:
             self.tally.cuts |= {
@@ -546,7 +512,7 @@ class CutWorld(RtuWorld):
 
     def _pass_once(self) -> None:
         self._cut_side.door.now_ns = self.now_ns
-        self._cut_side.ports[0]._cut_timer.pass_once()
+        pass_once(self._cut_side.ports[0]._cut_timer)
         self._collect()
 
     def _on_noise(self) -> None:
@@ -586,8 +552,7 @@ class CutWorld(RtuWorld):
         side.feed(0, rest, self.now_ns)
         found = list(side.link.sent), self._axes()
         side.lens.restore(before, is_live_known=False)
-        for port in side.ports:
-            port.replies.clear()
+        side.forget_replies()
         self.told[:], self.tally.events = told, met
         return found
 
@@ -628,7 +593,7 @@ class CutWorld(RtuWorld):
         _, data = self._register_rtu(name, axis, number)
         side = self._cut_side
         side.door.now_ns = self.now_ns
-        side.ports[0]._timer.pass_by()
+        pass_by(side.ports[0]._timer)
         side.feed(0, data, self.now_ns)
         self._collect()
 
@@ -695,7 +660,7 @@ class CutWorld(RtuWorld):
 
     def _pass_reply_timer(self) -> None:
         self._cut_side.door.now_ns = self.now_ns
-        self._cut_side.link._cut_timer.pass_once()
+        pass_once(self._cut_side.link.real._cut_timer)
         self._collect()
 
     def _on_reply_bad(self) -> None:
@@ -735,7 +700,7 @@ class CutWorld(RtuWorld):
             self._on_wait()
 
     def _passed(self) -> list[list[bytes]]:
-        return [[pdu for _, pdu in port.replies] for port in self._cut_side.ports]
+        return [[pdu for _, pdu in replies] for replies in self._cut_side.replies]
 
     def _stored_reply(
         self, pipe: CutPipe, rest: bytes
@@ -748,8 +713,7 @@ class CutWorld(RtuWorld):
         side.hear(rest, self.now_ns)
         found = self._passed(), list(side.link.sent), self._axes()
         side.lens.restore(before, is_live_known=False)
-        for port in side.ports:
-            port.replies.clear()
+        side.forget_replies()
         self.told[:], self.tally.events = told, met
         return found
 

@@ -7,51 +7,32 @@ what they end at the instant of the last byte. Frames leave at once: the silence
 """
 
 from collections.abc import Callable
-from functools import partial
-from typing import Any, Final
-from unittest import mock
+from typing import Final
 
 from gateway.exchange.cut_line import Wire as LineWire
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
+from gateway.exchange.ports import Stamps
 from gateway.modbus.crc import is_intact
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
 from gateway.relay.controller_port import RtuControllerPort
 from gateway.relay.drive_link import RtuDriveLink
 from tests.verify.snapshot import Lens
-from tests.verify.wires import AtOnce, BytesSide, BytesWorld, Door, Pipe
+from tests.verify.wires import (
+    BytesLink,
+    BytesSide,
+    BytesWorld,
+    Door,
+    Pipe,
+    let_go,
+    pass_by,
+    timers_at_rest,
+)
 from tests.verify.world import TICK_NS, TIMING, Design, Happening, Side, Wire, World
 
 NUMBERLESS: Final = -1
 CUT: Final = 4
 """So many bytes of a frame come first."""
-
-
-class Due:
-    """A timer whose time comes when the world lets it pass."""
-
-    def __init__(self, callback: Callable[[int], None]) -> None:
-        self._callback = callback
-        self.deadline_ns: int | None = None
-
-    def arm(self, deadline_ns: int | None) -> None:
-        """See ``Timer``."""
-        self.deadline_ns = deadline_ns
-
-    def close(self) -> None:
-        """See ``Timer``."""
-        self.deadline_ns = None
-
-    def pass_by(self) -> None:
-        """Let every silence pass that is waited for."""
-        while self.deadline_ns is not None:
-            self.pass_once()
-
-    def pass_once(self) -> None:
-        """Let what is waited for now come."""
-        assert self.deadline_ns is not None
-        deadline_ns, self.deadline_ns = self.deadline_ns, None
-        self._callback(deadline_ns)
 
 
 class WirePipe(Pipe):
@@ -61,49 +42,6 @@ class WirePipe(Pipe):
         """See ``Channel``."""
         assert is_intact(data), data.hex(" ")
         self._take(NUMBERLESS, data[0], data[1:-2])
-
-
-class Instant(Door):
-    """Brings whole frames to the line, at the instant that it is in the world."""
-
-    now_ns = 0
-
-    def request(
-        self, port: Any, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int, **why: str
-    ) -> None:
-        """See ``Requests``."""
-        super().request(port, transaction_id, unit_id, pdu, self.now_ns, **why)
-
-    def reply(self, unit_id: int, pdu: bytes, _now_ns: int) -> None:
-        """See ``TimedExchange``."""
-        self._line.reply(unit_id, pdu, self.now_ns)
-
-    def stray(self, _now_ns: int, *, unit_id: int = -1) -> None:
-        """See ``TimedExchange``."""
-        self._line.stray(self.now_ns, unit_id=unit_id)
-
-    def link_up(self, _now_ns: int) -> None:
-        """See ``TimedExchange``."""
-        self._line.link_up(self.now_ns)
-
-    def link_down(self, _now_ns: int) -> None:
-        """See ``TimedExchange``."""
-        self._line.link_down(self.now_ns)
-
-
-class RtuLink(RtuDriveLink):
-    """The real link, which tells what left over it and what it does not wait for any more."""
-
-    def __init__(self, pipe: type[WirePipe] = WirePipe) -> None:
-        super().__init__(0, RtuReplyDecoder())
-        self.sent: list[tuple[int, bytes]] = []
-        self.is_abandoned = False
-        self.pipe = pipe(lambda _number, unit_id, pdu: self.sent.append((unit_id, pdu)))
-
-    def abandon(self) -> None:
-        """See ``DriveLink``."""
-        self.is_abandoned |= self._decoder.is_expecting
-        super().abandon()
 
 
 class RtuSide(BytesSide):
@@ -117,22 +55,17 @@ class RtuSide(BytesSide):
     """Of the controllers, where frames are cut through."""
 
     def __init__(self, design: Design, tell: Callable[[Event], None]) -> None:
-        self.link: Any
-        with (
-            mock.patch("gateway.relay.drive_link.PacedSender", AtOnce),
-            mock.patch("gateway.relay.drive_link.Timer", Due),
-        ):
-            link: Any = RtuLink(self.pipe_kind)
-            self.link = link
+        with timers_at_rest():
+            real = RtuDriveLink(0, RtuReplyDecoder())
+            self.link = BytesLink(real, self.pipe_kind)
             self.line = self.line_of(design, tell)
             self.door = self.door_of(self.line)
-            link.attach(self.door)
-        self.ports, self.pipes = [], []
-        for plan in design.controllers:
-            port: Any = RtuControllerPort(plan, self.door, RtuRequestDecoder(), 0, self.port_wire)
-            port.replies = []
-            self.ports.append(port)
-            self.pipes.append(self.port_pipe_kind(partial(_keep, port)))
+            real.attach(self.door)
+        self.ports = [
+            RtuControllerPort(plan, self.door, RtuRequestDecoder(), 0, self.port_wire)
+            for plan in design.controllers
+        ]
+        self.make_pipes(self.port_pipe_kind)
         for number in range(len(self.ports)):
             self.open_port(number, 0)
         self.lens = Lens(self.roots(), TICK_NS, design.horizon_ticks, has_record=design.has_record)
@@ -141,9 +74,9 @@ class RtuSide(BytesSide):
         """Return the line."""
         return LineExchange(design.plans, TIMING, self.link, tell, design.groups)
 
-    def door_of(self, line: LineExchange) -> Instant:
+    def door_of(self, line: LineExchange) -> Door:
         """Return where ports and link bring whole frames."""
-        return Instant(line)
+        return Door(line)
 
     def roots(self) -> list[object]:
         """Return what all that is kept hangs from."""
@@ -151,16 +84,16 @@ class RtuSide(BytesSide):
 
     def open_port(self, number: int, now_ns: int) -> None:
         """Open the port of a controller."""
-        with (
-            mock.patch("gateway.relay.controller_port.PacedSender", AtOnce),
-            mock.patch("gateway.relay.controller_port.Timer", Due),
-        ):
-            self.ports[number].opened(self.pipes[number], now_ns)
+        port = self.ports[number]
+        with timers_at_rest():
+            port.opened(self.pipes[number], now_ns)
+        let_go(port._sender)
+        port.stamps = Stamps()  # of replies that are cut through the instants count, and none is the world's
 
     def open(self, now_ns: int) -> None:
         """See ``BytesSide``."""
         self.door.now_ns = now_ns
-        self.link.opened(self.link.pipe, now_ns)
+        self.link.opened(now_ns)
 
     def feed(self, port: int, data: bytes, now_ns: int) -> None:
         """See ``BytesSide``."""
@@ -170,13 +103,13 @@ class RtuSide(BytesSide):
     def hear(self, data: bytes, now_ns: int) -> None:
         """Bytes of the drives."""
         self.door.now_ns = now_ns
-        self.link.received(data, now_ns)
+        super().hear(data, now_ns)
 
     def fall_silent(self, now_ns: int) -> None:
         """Let the silences pass that are waited for."""
         self.door.now_ns = now_ns
-        for timer in (*(port._timer for port in self.ports), self.link._timer):
-            timer.pass_by()
+        for timer in (*(port._timer for port in self.ports), self.link.real._timer):
+            pass_by(timer)
 
     def request(self, port: int, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """See ``Side``."""
@@ -189,10 +122,6 @@ class RtuSide(BytesSide):
     def stray(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """See ``Side``."""
         self.reply(unit_id, pdu, now_ns)
-
-
-def _keep(port: Any, number: int, _unit_id: int, pdu: bytes) -> None:
-    port.replies.append((number, pdu))
 
 
 class RtuWorld(BytesWorld):
@@ -213,10 +142,9 @@ class RtuWorld(BytesWorld):
 
     def _collect(self, answered: Wire | None = None, reply: bytes = b"") -> None:
         """An answer is for what was asked last: whatever came before it was given up with it."""
-        for number, port in enumerate(self.sides[0].ports):
-            asked = self.state.asked[number]
+        for asked, replies in zip(self.state.asked, self.sides[0].replies, strict=True):
             newest = asked[-1].transaction_id if asked else NUMBERLESS
-            port.replies = [(newest, pdu) for _, pdu in port.replies]
+            replies[:] = [(newest, pdu) for _, pdu in replies]
         super()._collect(answered, reply)
 
     def happenings(self) -> list[Happening]:

@@ -7,6 +7,7 @@ to know is a state: the line's (``tests.verify.snapshot``) and the world's own, 
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from hashlib import blake2b
 from typing import Any, Final, NamedTuple
 
 from gateway.compensation.settings import Gain
@@ -128,7 +129,10 @@ class Side:
 
     def __init__(self, design: "Design", ways: dict[str, int], tell: Callable[[Event], None]) -> None:
         self.link = Link(is_serial=design.is_serial)
-        self.ports = [Port(plan) for plan in design.controllers]
+        ports = [Port(plan) for plan in design.controllers]
+        self.ports: list[Any] = ports
+        self.replies = [port.replies for port in ports]
+        """What each controller was answered since that was looked at, with the numbers of its requests."""
         timeout_ms = design.response_ticks * TICK_MS
         timing = replace(TIMING, response_timeout_ms=timeout_ms, retry_ms=design.retry_ms)
         self.line = LineExchange(design.plans, timing, self.link, tell, design.groups, **ways)  # type: ignore[arg-type]
@@ -157,8 +161,12 @@ class Side:
         """Nothing has left and nothing was answered."""
         self.link.sent.clear()
         self.link.is_abandoned = False
-        for port in self.ports:
-            port.replies.clear()
+        self.forget_replies()
+
+    def forget_replies(self) -> None:
+        """Nothing was answered."""
+        for replies in self.replies:
+            replies.clear()
 
 
 class Aim(NamedTuple):
@@ -494,6 +502,16 @@ class Tally:
     """How requests and replies ended of which bytes had left while they arrived."""
     stop_ticks: int = 0
     """The longest that a stop had to wait."""
+    _passed: "blake2b" = field(default_factory=blake2b)
+
+    def note(self, *what: object) -> None:
+        """Take note of what left, was answered or was told: of all of it, in its order, a digest is kept."""
+        self._passed.update(repr(what).encode())
+
+    @property
+    def digest(self) -> str:
+        """The same where the same has left, was answered and was told, in the same order."""
+        return self._passed.hexdigest()
 
 
 class KilledError(Exception):
@@ -1056,8 +1074,7 @@ class World:
             self.happen(event)
         except KilledError:
             for side in self.sides:
-                for port in side.ports:
-                    port.replies.clear()  # whether an answer was still read makes no difference to iron
+                side.forget_replies()  # whether an answer was still read makes no difference to iron
             frames, self.sides[0].link.sent = self.sides[0].link.sent, []
             self.sides[0].link.is_abandoned = False
             for unit_id, pdu in frames:
@@ -1286,6 +1303,7 @@ class World:
 
     def _tell(self, event: Event) -> None:
         self.tally.events.add(event.kind.value)
+        self.tally.note(event.kind.value, event.axis)
         self.told.append(event)
 
     def _collect(self, answered: Wire | None = None, reply: bytes = b"") -> None:
@@ -1299,8 +1317,10 @@ class World:
         if first.link.is_abandoned:
             first.link.is_abandoned = False
             self._give_reply_up()
-        for number, port in enumerate(first.ports):
-            replies, port.replies = port.replies, []
+        heard = [tuple(replies) for replies in first.replies]
+        first.forget_replies()
+        self.tally.note(heard, first.link.sent)
+        for number, replies in enumerate(heard):
             for transaction_id, pdu in replies:
                 rules.judge_reply(self, number, transaction_id, pdu, answered)
         if answered is not None:
