@@ -107,7 +107,8 @@ def add_to(section: Section, bench: Bench) -> None:
     refused = realtime_refused(ENDS_PRIORITY)
     section.text.append(
         f"In real time: wires of {BAUDRATE} Bd with 10 bits for a character between pseudo terminals, as "
-        "processes of their own, a controller and a drive in C. The controller writes positions; then it "
+        "processes of their own, a controller and a drive in C, all of them on another processor than the "
+        "gateway: real wires and drives take none of its time. The controller writes positions; then it "
         "writes one, reads it back and reads four registers in turns. *Pauses* is how often a wire was "
         "silent inside of a frame, for less than half of the silence between two: what is longer passes for "
         "one; *asked again* how many replies did not come or were no frame. Busy: an endless loop for each "
@@ -169,7 +170,7 @@ def _sure(number: int) -> Interval:
 
 
 def _seen(bench: Bench, case: Case, priority: int) -> Seen:
-    seen = Seen([])
+    seen, ends = Seen([]), bench.processors.other
     with ExitStack() as stack:
         processes = stack.enter_context(Processes())
         wires: list[Process] = []
@@ -178,7 +179,9 @@ def _seen(bench: Bench, case: Case, priority: int) -> Seen:
             left, right = (stack.enter_context(closing(Pty())) for _ in range(2))
             fds = (left.master_fd, right.master_fd)
             words = [str(bench.programs.wire), *map(str, (BAUDRATE, *fds, priority))]
-            wires.append(processes.start(f"cut-wire-{len(wires)}", words, fds=fds, is_talking=True))
+            wires.append(
+                processes.start(f"cut-wire-{len(wires)}", words, cpus=ends, fds=fds, is_talking=True)
+            )
             return left, right
 
         (near, front), (back, far) = wire(), wire()
@@ -189,8 +192,8 @@ def _seen(bench: Bench, case: Case, priority: int) -> Seen:
             cuts_through=case.cuts_through,
         )
         setup = GatewaySetup((line,), fifo=RELAY_PRIORITY if case.fifo else None)
-        gateway = start_gateway(processes, "gateway-cut", setup)
-        drive = start_drive(processes, bench.programs, [f"tty:{far.path}"], fifo=priority)
+        gateway = start_gateway(processes, "gateway-cut", setup, cpus=bench.processors.one)
+        drive = start_drive(processes, bench.programs, [f"tty:{far.path}"], fifo=priority, cpus=ends)
         way = Way.tty(near.path)
         for _ in range(2):  # the first may have been answered what was asked before the gateway was there
             bench.meter.wait_until_serving(way)
@@ -202,7 +205,9 @@ def _seen(bench: Bench, case: Case, priority: int) -> Seen:
         witnesses = _witnesses(bench, processes) if priority else []
         for _ in range(bench.effort.of(case.rounds, 1)):
             for kind in KINDS:
-                said, took_ns = bench.meter.attempt(way, Load(ROUND, kind, warmup=0, fifo=priority))
+                said, took_ns = bench.meter.attempt(
+                    way, Load(ROUND, kind, warmup=0, fifo=priority, cpus=ends)
+                )
                 seen.answered += said["answered"]
                 seen.failed += said["timeouts"] + said["wrong"]
                 sent += _writes(kind, said["sent"])

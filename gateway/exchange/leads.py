@@ -159,7 +159,7 @@ LEARNED_AFTER: Final = 32
 REMEMBERED: Final = 256
 """Frames whose needs count: a port that was disturbed once is trusted again after so many."""
 
-OWN_ONE_OF: Final = 32
+OWN_ONE_OF: Final = 128
 """What the gateway itself takes between reading and writing counts without the longest of so many: no lead is
 of use where the whole machine stands still."""
 
