@@ -159,10 +159,6 @@ LEARNED_AFTER: Final = 32
 REMEMBERED: Final = 256
 """Frames whose needs count: a port that was disturbed once is trusted again after so many."""
 
-OWN_ONE_OF: Final = 128
-"""What the gateway itself takes between reading and writing counts without the longest of so many: no lead is
-of use where the whole machine stands still."""
-
 
 def guard_ns(out_ns: int) -> int:
     """Return how long before the transmitter is empty a frame that stalls is filled up.
@@ -186,8 +182,8 @@ class MeasuredLead:
     """How long after its first piece a frame of one shape may begin to leave, by what the last ones needed.
 
     No model of an adapter: latency timers, packets, the scheduler of the system and different baud rates all
-    show in when the bytes came. To the longest of their needs comes half of what they have differed by, what
-    the gateway itself took between reading and writing, and ``margin_ns``.
+    show in when the bytes came. To the longest of their needs comes half of what they have differed by, the
+    longest that the gateway itself took between reading and writing, and ``margin_ns``.
     """
 
     __slots__ = (
@@ -231,8 +227,7 @@ class MeasuredLead:
         wholes_ns.append(pieces[-1].came_ns - pieces[0].came_ns)
         longest_ns = max(needs_ns)
         spread_ns = longest_ns - min(needs_ns)
-        own_ns = sorted(self._own_ns)[-1 - len(self._own_ns) // OWN_ONE_OF]
-        lead_ns = longest_ns + spread_ns // 2 + own_ns + self._margin_ns
+        lead_ns = longest_ns + spread_ns // 2 + max(self._own_ns) + self._margin_ns
         is_known, whole_ns = len(needs_ns) >= LEARNED_AFTER, min(wholes_ns)
         is_gain = is_known and lead_ns + self._char_ns <= whole_ns
         self.lead_ns = lead_ns if is_gain else None
