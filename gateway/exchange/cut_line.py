@@ -313,7 +313,7 @@ class RequestCutter:
         frame = cut.arrival.data
         shape = shape_of(self._cuts.units.path_of(frame[0], frame[1:-CRC_BYTES]), frame)
         if shape is not None:
-            lead = self.heads.measure(shape, cut.pieces, self.own_ns, cut.needed_ns)
+            lead = self.heads.measure(shape, cut.pieces, self.own_ns, cut.written_need_ns)
             self._cuts.note_gain(self.port.name, "requests", lead)
             self.heads.came(beginning_of(frame))
 
@@ -444,7 +444,7 @@ class ReplyCutter:
         self._pauses.note(cut.pieces)
         cutter, shape = self._cuts.of(transaction.port), reply_shape_of(transaction)
         if cutter is not None and shape is not None:
-            lead = cutter.replies.measure(shape, cut.pieces, self.own_ns, cut.needed_ns)
+            lead = cutter.replies.measure(shape, cut.pieces, self.own_ns, cut.written_need_ns)
             self._cuts.note_gain(cutter.port.name, "replies", lead)
 
 

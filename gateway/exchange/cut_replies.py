@@ -76,13 +76,13 @@ class Replies:
         self._passed[key] = passed
 
     def measure(
-        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0
+        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0
     ) -> MeasuredLead:
         """Learn from how a reply came, whatever became of it; return what is known now."""
         lead = self._leads.get(shape)
         if lead is None:
             lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
-        lead.note(pieces, own_ns, left_ns)
+        lead.note(pieces, own_ns, written_need_ns)
         left = self._stored.pop(shape, 0) - 1
         if left > 0:
             self._stored[shape] = left

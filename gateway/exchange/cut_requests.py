@@ -124,13 +124,13 @@ class Heads:
         self._expected[beginning] = Expected(shape, sent) if shape is not None and is_expected else None
 
     def measure(
-        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0
+        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0
     ) -> MeasuredLead:
         """Learn from how a request came, whatever became of it; return what is known now."""
         lead = self._leads.get(shape)
         if lead is None:
             lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
-        lead.note(pieces, own_ns, left_ns)
+        lead.note(pieces, own_ns, written_need_ns)
         return lead
 
     def came(self, frame: bytes) -> None:

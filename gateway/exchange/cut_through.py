@@ -257,9 +257,9 @@ class CutThrough:
         "empty_ns",
         "gap_ns",
         "left",
-        "needed_ns",
         "pieces",
         "state",
+        "written_need_ns",
     )
 
     def __init__(
@@ -279,7 +279,7 @@ class CutThrough:
         """When the transmitter has sent all that has left."""
         self.gap_ns = 0
         """The longest time for which it was empty inside of the frame, as far as its speed says."""
-        self.needed_ns = 0
+        self.written_need_ns = 0
         """How long after its first piece it would have had to begin to leave, by when what followed was
         written, so that the transmitter is never empty. 0: it left in one, or not from here."""
         self.pieces: list[Piece] = []
@@ -364,7 +364,7 @@ class CutThrough:
     def written(self, size: int, from_ns: int, until_ns: int) -> None:
         """Take note of when the last ``size`` bytes were written, all at once.
 
-        For what is counted (:attr:`gap_ns`) and learned (:attr:`needed_ns`) alone.
+        For what is counted (:attr:`gap_ns`) and learned (:attr:`written_need_ns`) alone.
 
         Not before ``from_ns``, and not after ``until_ns``: between reading and writing the process may have
         stood still, with the transmitter empty. What has to be in time is reckoned from the reading.
@@ -374,7 +374,7 @@ class CutThrough:
             self.gap_ns = max(self.gap_ns, until_ns - self._off_ns)
             # When it really began does not matter: what comes first takes so long on the wire.
             since_ns = until_ns - self.pieces[0].came_ns
-            self.needed_ns = max(self.needed_ns, since_ns - before * self._pace.out_ns)
+            self.written_need_ns = max(self.written_need_ns, since_ns - before * self._pace.out_ns)
         self._off_ns = max(self._off_ns, self._left_ns, from_ns) + size * self._pace.out_ns
 
     # --- steps -----------------------------------------------------------------------------------------

@@ -213,17 +213,17 @@ class MeasuredLead:
         """Where enough were seen, and it is not worth it: after how long a frame could begin to leave, and
         after how long the soonest was whole, both since its first piece."""
 
-    def note(self, pieces: Sequence[Piece], own_ns: int = 0, left_ns: int = 0) -> None:
+    def note(self, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0) -> None:
         """Learn from a frame that has come whole, whether it was cut through or stored.
 
-        ``own_ns``: so long the gateway took between reading its last bytes and writing them. ``left_ns``: by
-        its writing one that was cut through would have had to begin so long after its first piece
-        (``CutThrough.needed_ns``).
+        ``own_ns``: so long the gateway took between reading its last bytes and writing them.
+        ``written_need_ns``: by its writing one that was cut through would have had to begin so long after its
+        first piece (``CutThrough.written_need_ns``).
         """
         needs_ns, wholes_ns = self._needs_ns, self._wholes_ns
         need_ns = needed_ns(self.shape, pieces, self.out_ns)
         needs_ns.append(need_ns)
-        self._own_ns.append(max(0, own_ns, left_ns - need_ns))
+        self._own_ns.append(max(0, own_ns, written_need_ns - need_ns))
         wholes_ns.append(pieces[-1].came_ns - pieces[0].came_ns)
         longest_ns = max(needs_ns)
         spread_ns = longest_ns - min(needs_ns)

@@ -360,4 +360,4 @@ def test_how_late_it_would_have_had_to_begin_by_when_it_was_written(
             until_ns = next(times)
             cut.written(len(left), until_ns, until_ns)
     assert (cut.state, cut.left, next(times, None)) == (Cut.WHOLE, SENT, None)
-    assert cut.needed_ns == needed_ns
+    assert cut.written_need_ns == needed_ns

@@ -199,7 +199,9 @@ def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_a
     assert lead.lead_ns == 4000
 
 
-@pytest.mark.parametrize("late", [{"own_ns": 900}, {"left_ns": 3900}, {"own_ns": -50_000, "left_ns": 3900}])
+@pytest.mark.parametrize(
+    "late", [{"own_ns": 900}, {"written_need_ns": 3900}, {"own_ns": -50_000, "written_need_ns": 3900}]
+)
 def test_what_the_gateway_took_itself_is_remembered_and_forgotten_after_a_while(late: dict[str, int]) -> None:
     lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
@@ -207,9 +209,9 @@ def test_what_the_gateway_took_itself_is_remembered_and_forgotten_after_a_while(
     lead.note(steady(13), **late)
     assert lead.lead_ns == 3000 + 900 + 1000
     for _ in range(REMEMBERED - 1):
-        lead.note(steady(13), left_ns=3000)
+        lead.note(steady(13), written_need_ns=3000)
     assert lead.lead_ns == 4900
-    lead.note(steady(13), left_ns=3000)
+    lead.note(steady(13), written_need_ns=3000)
     assert lead.lead_ns == 4000
 
 

@@ -78,7 +78,7 @@ NOT_COMPARED: Final = {
     "_host_bytes": "how much of what is compared waits",
     "_left_ns": "of a frame that is cut through: for the count of torn ones and for what is learned alone",
     "_off_ns": "the same",
-    "needed_ns": "for what is learned alone",
+    "written_need_ns": "for what is learned alone",
     "own_ns": "the same",
     "_port_counts": "the same",
     "since_ns": "only told: axes keep their own",
