@@ -83,9 +83,11 @@ class Watch:
 
         The files of axes in ``waiting`` could not be, and are to be read as soon as they stand still.
         """
-        for name, sight in before.items():
-            if name in self._files:
-                self._files[name].take(sight, time.monotonic())
+        taken = {name: sight for name, sight in before.items() if name in self._files}
+        for name, sight in taken.items():
+            self._files[name].take(sight, time.monotonic())
+        # Newer than what was looked at last, beside which a file that stands still would seem to move.
+        self._sights = {**self._sights, **taken}
         for axis in waiting:
             if axis in self._names:
                 self._files[self._names[axis]].forget()

@@ -40,7 +40,12 @@ def blocks(page: str) -> list[Block]:
 
 
 def assert_promised(promised: list[str], said: str) -> None:
-    """Assert that a program said what a page shows.
+    """Assert that a program said what a page shows; see ``is_promised``."""
+    assert is_promised(promised, said), f"promised:\n{chr(10).join(promised)}\n\nsaid:\n{said}"
+
+
+def is_promised(promised: list[str], said: str) -> bool:
+    """Whether a program said what a page shows.
 
     A line that is … stands for any number of lines, … in a line for the rest of it or of a cell.
     """
@@ -51,4 +56,4 @@ def assert_promised(promised: list[str], said: str) -> None:
         else:
             parts = re.split(rf"{OMITTED} *", promise)
             pattern += ".*".join(map(re.escape, parts)) + r" *\n"
-    assert re.fullmatch(pattern, said), f"promised:\n{chr(10).join(promised)}\n\nsaid:\n{said}"
+    return re.fullmatch(pattern, said) is not None

@@ -69,6 +69,23 @@ def test_a_file_counts_as_it_was_seen_once_it_was_taken(tmp_path: Path) -> None:
     asyncio.run(still())
 
 
+def test_a_file_that_was_read_since_the_last_look_does_not_move(tmp_path: Path) -> None:
+    async def still() -> None:
+        table = tmp_path / "x.tab"
+        table.write_text("one")
+        watch = Watch()
+        watch.follow(tmp_path, NAMES)
+        await watch.look()
+        watch.take(look(tmp_path, ["x.tab"]))
+        table.write_text("another")
+        seen = look(tmp_path, ["x.tab"])  # as a reload that somebody asks for does
+        watch.take(seen)
+        assert watch.moving == frozenset()
+        assert watch.still == seen
+
+    asyncio.run(still())
+
+
 def test_what_was_seen_in_another_folder_says_nothing(tmp_path: Path) -> None:
     async def still() -> None:
         (tmp_path / "other").mkdir()
