@@ -17,6 +17,9 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
+from librt.vecs import vec
+from mypy_extensions import i64
+
 from gateway.exchange.plan import LineTiming
 from gateway.exchange.rest import LONGEST_DRAIN
 from gateway.times import NS_PER_MS, NS_PER_S
@@ -161,7 +164,7 @@ class Answers:
         self._retry_ns = int(timing.retry_ms * NS_PER_MS)
         self.backs_off = self._retry_ns > 0
         """Whether dead units are not asked any more, but for trials."""
-        self.answered_ns = [0] * UNIT_IDS
+        self.answered_ns = vec[i64]([0] * UNIT_IDS)
         """When each unit id answered last; 0: never. For the status."""
         self.askers: set[tuple[str, int]] = set()
         """Controllers, each with a unit id that did not answer it or that nobody knows. For the status."""

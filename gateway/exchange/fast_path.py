@@ -26,6 +26,7 @@ from gateway.exchange.unit import FieldHit, FieldRole, Hits, UnitMap
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable, PositionField
+from gateway.modbus.words import Integer
 
 ARRIVED: Final = Whereabouts.ARRIVED
 
@@ -170,7 +171,9 @@ class WritePath(FastPath):
         self._terms = self._axis.terms
         self._image = hit.place.image
         self._number = hit.place.number
-        self._codec, self._scale = hit.place.field.codec, hit.place.field.scale
+        codec = hit.place.field.codec
+        assert isinstance(codec, Integer), "a path is found for whole numbers only"
+        self._codec, self._scale = codec, hit.place.field.scale
         self._start = access.data_offset + 2 * hit.word
         self._end = self._start + 2 * hit.place.field.words
         self._is_last = self._start == access.data_offset and self._end == len(pdu)

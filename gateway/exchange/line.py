@@ -198,7 +198,7 @@ class LineExchange(CuttingLine):
         ``why_given_up``: its controller gave up on it before it could be sent. Then it goes out only if it is
         a stop; anything else never reaches the drive (W5, M3).
         """
-        if not pdu:
+        if not len(pdu):
             self.counters.malformed += 1
             return
         if port.is_serial and (self._current is not None or self._waiting.total):
@@ -337,7 +337,7 @@ class LineExchange(CuttingLine):
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """Take the reply that the link framed for the transaction on the wire."""
         transaction = self._current
-        if transaction is None or unit_id != transaction.wire_unit_id or not pdu:
+        if transaction is None or unit_id != transaction.wire_unit_id or not len(pdu):
             self.stray(now_ns)
             return
         if len(pdu) > MAX_PDU:  # it cannot be passed on

@@ -13,9 +13,10 @@ The check sum is a running residue, which each byte takes one step further. Thre
   act on the difference to the right check sum alone, which is 0xFFFF then.
 """
 
+from collections.abc import Callable
 from typing import Final
 
-from fastcrc.crc16 import modbus as crc16
+from fastcrc.crc16 import modbus
 from librt.strings import BytesWriter
 
 __all__ = [
@@ -30,6 +31,8 @@ __all__ = [
     "residue_after",
 ]
 
+crc16: Final[Callable[[bytes], int]] = modbus
+"""Return the residue after bytes, their check sum. A constant, and no name to be looked up for each frame."""
 SEAM: Final = 0xFFFF
 """Residue before the first byte."""
 INTACT: Final = 0
@@ -68,7 +71,7 @@ def residue_after(data: bytes, before: int = SEAM) -> int:
     >>> f"{begun:04X} {residue_after(bytes.fromhex('00 0F'), begun):04X}"  # C7 32 on the wire
     '49F4 32C7'
     """
-    return crc16(data, before)
+    return modbus(data, before)
 
 
 def ends_a_frame(residue: int) -> bool:

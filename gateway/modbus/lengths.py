@@ -8,7 +8,7 @@ A length is the number of bytes with unit id and check sum, or one of the three 
 prediction: the check sum is what decides.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 from gateway.modbus.pdu import EXCEPTION_BIT, MEI_READ_DEVICE_IDENTIFICATION, FunctionCode
@@ -27,106 +27,120 @@ EXCEPTION_ADU: Final = 5
 ADU_OVERHEAD: Final = 3
 """What an RTU frame has besides its PDU: unit id and check sum."""
 
-Rule = Callable[[bytes, int], int]
-"""Bytes and the offset at which the frame begins -> its length."""
 
+class Rule:
+    """``base`` bytes, and as many more as the byte at offset ``counted_at`` says; 0: no byte says so."""
 
-def _fixed(length: int) -> Rule:
-    def rule(data: bytes, start: int) -> int:  # noqa: ARG001 - the same whatever the bytes are
-        return length
+    __slots__ = ("_base", "_counted_at")
 
-    return rule
+    def __init__(self, base: int = 0, *, counted_at: int = 0) -> None:
+        self._base = base
+        self._counted_at = counted_at
 
-
-def _counted(base: int, at: int) -> Rule:
-    """``base`` bytes and as many more as the byte at offset ``at`` says."""
-
-    def rule(data: bytes, start: int) -> int:
+    def length(self, data: bytes, start: int) -> int:
+        """Return the length of the frame that begins at byte ``start`` of ``data``, or a constant."""
+        at = self._counted_at
+        if not at:
+            return self._base
         if len(data) <= start + at:
             return NEEDS_MORE
-        length = base + data[start + at]
+        length = self._base + data[start + at]
         return length if length <= MAX_ADU else NO_FRAME
 
-    return rule
 
-
-def _fifo_reply(data: bytes, start: int) -> int:
+class FifoReply(Rule):
     """FC 24 is the only one that counts in two bytes."""
-    if len(data) < start + 4:
-        return NEEDS_MORE
-    length = 6 + int.from_bytes(data[start + 2 : start + 4], "big")
-    return length if length <= MAX_ADU else NO_FRAME
 
-
-def _encapsulated_request(data: bytes, start: int) -> int:
-    if len(data) < start + 3:
-        return NEEDS_MORE
-    return 7 if data[start + 2] == MEI_READ_DEVICE_IDENTIFICATION else UNTIL_SILENCE
-
-
-def _encapsulated_reply(data: bytes, start: int) -> int:
-    """Walk the objects of a device identification: 8 bytes of head, then id, length and text of each."""
-    if len(data) < start + 3:
-        return NEEDS_MORE
-    if data[start + 2] != MEI_READ_DEVICE_IDENTIFICATION:
-        return UNTIL_SILENCE
-    if len(data) < start + 8:
-        return NEEDS_MORE
-    end = start + 8
-    for _ in range(data[start + 7]):
-        if end + 4 - start > MAX_ADU:
-            return NO_FRAME
-        if len(data) < end + 2:
+    def length(self, data: bytes, start: int) -> int:
+        """See ``Rule``."""
+        if len(data) < start + 4:
             return NEEDS_MORE
-        end += 2 + data[end + 1]
-    length = end + 2 - start
-    return length if length <= MAX_ADU else NO_FRAME
+        length = 6 + int.from_bytes(data[start + 2 : start + 4], "big")
+        return length if length <= MAX_ADU else NO_FRAME
+
+
+class EncapsulatedRequest(Rule):
+    """FC 43: only device identification has a length."""
+
+    def length(self, data: bytes, start: int) -> int:
+        """See ``Rule``."""
+        if len(data) < start + 3:
+            return NEEDS_MORE
+        return 7 if data[start + 2] == MEI_READ_DEVICE_IDENTIFICATION else UNTIL_SILENCE
+
+
+class EncapsulatedReply(Rule):
+    """The objects of a device identification: 8 bytes of head, then id, length and text of each."""
+
+    def length(self, data: bytes, start: int) -> int:
+        """See ``Rule``."""
+        if len(data) < start + 3:
+            return NEEDS_MORE
+        if data[start + 2] != MEI_READ_DEVICE_IDENTIFICATION:
+            return UNTIL_SILENCE
+        if len(data) < start + 8:
+            return NEEDS_MORE
+        end = start + 8
+        for _ in range(data[start + 7]):
+            if end + 4 - start > MAX_ADU:
+                return NO_FRAME
+            if len(data) < end + 2:
+                return NEEDS_MORE
+            end += 2 + data[end + 1]
+        length = end + 2 - start
+        return length if length <= MAX_ADU else NO_FRAME
 
 
 REQUESTS: Final[Mapping[int, Rule]] = {
-    FunctionCode.READ_COILS: _fixed(8),
-    FunctionCode.READ_DISCRETE_INPUTS: _fixed(8),
-    FunctionCode.READ_HOLDING_REGISTERS: _fixed(8),
-    FunctionCode.READ_INPUT_REGISTERS: _fixed(8),
-    FunctionCode.WRITE_SINGLE_COIL: _fixed(8),
-    FunctionCode.WRITE_SINGLE_REGISTER: _fixed(8),
-    FunctionCode.READ_EXCEPTION_STATUS: _fixed(4),
+    FunctionCode.READ_COILS: Rule(8),
+    FunctionCode.READ_DISCRETE_INPUTS: Rule(8),
+    FunctionCode.READ_HOLDING_REGISTERS: Rule(8),
+    FunctionCode.READ_INPUT_REGISTERS: Rule(8),
+    FunctionCode.WRITE_SINGLE_COIL: Rule(8),
+    FunctionCode.WRITE_SINGLE_REGISTER: Rule(8),
+    FunctionCode.READ_EXCEPTION_STATUS: Rule(4),
     # One data word is what devices take; "return query data" may carry more, and then ends by silence.
-    FunctionCode.DIAGNOSTICS: _fixed(8),
-    FunctionCode.GET_COMM_EVENT_COUNTER: _fixed(4),
-    FunctionCode.GET_COMM_EVENT_LOG: _fixed(4),
-    FunctionCode.WRITE_MULTIPLE_COILS: _counted(9, at=6),
-    FunctionCode.WRITE_MULTIPLE_REGISTERS: _counted(9, at=6),
-    FunctionCode.REPORT_SERVER_ID: _fixed(4),
-    FunctionCode.READ_FILE_RECORD: _counted(5, at=2),
-    FunctionCode.WRITE_FILE_RECORD: _counted(5, at=2),
-    FunctionCode.MASK_WRITE_REGISTER: _fixed(10),
-    FunctionCode.READ_WRITE_MULTIPLE_REGISTERS: _counted(13, at=10),
-    FunctionCode.READ_FIFO_QUEUE: _fixed(6),
-    FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT: _encapsulated_request,
+    FunctionCode.DIAGNOSTICS: Rule(8),
+    FunctionCode.GET_COMM_EVENT_COUNTER: Rule(4),
+    FunctionCode.GET_COMM_EVENT_LOG: Rule(4),
+    FunctionCode.WRITE_MULTIPLE_COILS: Rule(9, counted_at=6),
+    FunctionCode.WRITE_MULTIPLE_REGISTERS: Rule(9, counted_at=6),
+    FunctionCode.REPORT_SERVER_ID: Rule(4),
+    FunctionCode.READ_FILE_RECORD: Rule(5, counted_at=2),
+    FunctionCode.WRITE_FILE_RECORD: Rule(5, counted_at=2),
+    FunctionCode.MASK_WRITE_REGISTER: Rule(10),
+    FunctionCode.READ_WRITE_MULTIPLE_REGISTERS: Rule(13, counted_at=10),
+    FunctionCode.READ_FIFO_QUEUE: Rule(6),
+    FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT: EncapsulatedRequest(),
 }
 
+_DIAGNOSTICS_REPLY: Final = Rule(8)
+"""So long where its request is not known; else as long as that."""
 REPLIES: Final[Mapping[int, Rule]] = {
-    FunctionCode.READ_COILS: _counted(5, at=2),
-    FunctionCode.READ_DISCRETE_INPUTS: _counted(5, at=2),
-    FunctionCode.READ_HOLDING_REGISTERS: _counted(5, at=2),
-    FunctionCode.READ_INPUT_REGISTERS: _counted(5, at=2),
-    FunctionCode.WRITE_SINGLE_COIL: _fixed(8),
-    FunctionCode.WRITE_SINGLE_REGISTER: _fixed(8),
-    FunctionCode.READ_EXCEPTION_STATUS: _fixed(5),
-    FunctionCode.DIAGNOSTICS: _fixed(8),
-    FunctionCode.GET_COMM_EVENT_COUNTER: _fixed(8),
-    FunctionCode.GET_COMM_EVENT_LOG: _counted(5, at=2),
-    FunctionCode.WRITE_MULTIPLE_COILS: _fixed(8),
-    FunctionCode.WRITE_MULTIPLE_REGISTERS: _fixed(8),
-    FunctionCode.REPORT_SERVER_ID: _counted(5, at=2),
-    FunctionCode.READ_FILE_RECORD: _counted(5, at=2),
-    FunctionCode.WRITE_FILE_RECORD: _counted(5, at=2),
-    FunctionCode.MASK_WRITE_REGISTER: _fixed(10),
-    FunctionCode.READ_WRITE_MULTIPLE_REGISTERS: _counted(5, at=2),
-    FunctionCode.READ_FIFO_QUEUE: _fifo_reply,
-    FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT: _encapsulated_reply,
+    FunctionCode.READ_COILS: Rule(5, counted_at=2),
+    FunctionCode.READ_DISCRETE_INPUTS: Rule(5, counted_at=2),
+    FunctionCode.READ_HOLDING_REGISTERS: Rule(5, counted_at=2),
+    FunctionCode.READ_INPUT_REGISTERS: Rule(5, counted_at=2),
+    FunctionCode.WRITE_SINGLE_COIL: Rule(8),
+    FunctionCode.WRITE_SINGLE_REGISTER: Rule(8),
+    FunctionCode.READ_EXCEPTION_STATUS: Rule(5),
+    FunctionCode.DIAGNOSTICS: _DIAGNOSTICS_REPLY,
+    FunctionCode.GET_COMM_EVENT_COUNTER: Rule(8),
+    FunctionCode.GET_COMM_EVENT_LOG: Rule(5, counted_at=2),
+    FunctionCode.WRITE_MULTIPLE_COILS: Rule(8),
+    FunctionCode.WRITE_MULTIPLE_REGISTERS: Rule(8),
+    FunctionCode.REPORT_SERVER_ID: Rule(5, counted_at=2),
+    FunctionCode.READ_FILE_RECORD: Rule(5, counted_at=2),
+    FunctionCode.WRITE_FILE_RECORD: Rule(5, counted_at=2),
+    FunctionCode.MASK_WRITE_REGISTER: Rule(10),
+    FunctionCode.READ_WRITE_MULTIPLE_REGISTERS: Rule(5, counted_at=2),
+    FunctionCode.READ_FIFO_QUEUE: FifoReply(),
+    FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT: EncapsulatedReply(),
 }
+
+_BY_FUNCTION: Final = 0x100
+_REQUEST_RULES: Final = tuple([REQUESTS.get(function) for function in range(_BY_FUNCTION)])
+_REPLY_RULES: Final = tuple([REPLIES.get(function) for function in range(_BY_FUNCTION)])
 
 
 def request_length(data: bytes, start: int = 0) -> int:
@@ -144,9 +158,9 @@ def request_length(data: bytes, start: int = 0) -> int:
     if len(data) < start + 2:
         return NEEDS_MORE
     function = data[start + 1]
-    rule = REQUESTS.get(function)
+    rule = _REQUEST_RULES[function]
     if rule is not None:
-        return rule(data, start)
+        return rule.length(data, start)
     return UNTIL_SILENCE if function else NO_FRAME
 
 
@@ -167,11 +181,11 @@ def reply_length(request_pdu: bytes, data: bytes, start: int = 0) -> int:
     function = data[start + 1]
     if function >= EXCEPTION_BIT:
         return UNTIL_SILENCE if function == request_pdu[0] else EXCEPTION_ADU
-    if function == FunctionCode.DIAGNOSTICS == request_pdu[0]:
+    rule = _REPLY_RULES[function]
+    if rule is _DIAGNOSTICS_REPLY and function == request_pdu[0]:
         return len(request_pdu) + ADU_OVERHEAD
-    rule = REPLIES.get(function)
     if rule is not None:
-        return rule(data, start)
+        return rule.length(data, start)
     return UNTIL_SILENCE if function else NO_FRAME
 
 
@@ -183,17 +197,17 @@ def asked_bytes(request_pdu: bytes) -> int | None:
     """
     if len(request_pdu) < 5:
         return None
-    quantity = request_pdu[3] << 8 | request_pdu[4]
-    if request_pdu[0] in _REGISTER_READS:
-        return 2 * quantity
-    return (quantity + 7) // 8 if request_pdu[0] in _BIT_READS else None
+    bits = _BITS_EACH[request_pdu[0]]
+    return ((request_pdu[3] << 8 | request_pdu[4]) * bits + 7) // 8 if bits else None
 
 
-_BIT_READS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS})
-_REGISTER_READS: Final = frozenset(
-    {
-        FunctionCode.READ_HOLDING_REGISTERS,
-        FunctionCode.READ_INPUT_REGISTERS,
-        FunctionCode.READ_WRITE_MULTIPLE_REGISTERS,
-    }
-)
+def _bits_each() -> bytes:
+    bits = bytearray(_BY_FUNCTION)
+    bits[FunctionCode.READ_COILS] = bits[FunctionCode.READ_DISCRETE_INPUTS] = 1
+    bits[FunctionCode.READ_HOLDING_REGISTERS] = bits[FunctionCode.READ_INPUT_REGISTERS] = 16
+    bits[FunctionCode.READ_WRITE_MULTIPLE_REGISTERS] = 16
+    return bytes(bits)
+
+
+_BITS_EACH: Final = _bits_each()
+"""By function code, the bits of each of the things whose number a request to read says; 0: it reads none."""

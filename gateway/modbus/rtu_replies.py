@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from gateway.modbus.crc import append_crc, crc16, is_intact
+from gateway.modbus.crc import append_crc, is_intact
 from gateway.modbus.lengths import (
     MAX_ADU,
     MIN_ADU,
@@ -55,12 +55,13 @@ class RtuReplyDecoder(RtuDecoder):
         "_has_echo",
         "_heard",
         "_is_answered",
+        "_last",
         "_lone_echo",
         "_refused_reads",
         "_request",
         "_stray",
-        "_unit_id",
         "late_unit_id",
+        "unit_id",
     )
 
     def __init__(
@@ -77,10 +78,13 @@ class RtuReplyDecoder(RtuDecoder):
         self._echo = b""
         self._lone_echo = b""
         self._heard = b""
-        self._unit_id = 0
+        self.unit_id = 0
+        """Whose reply is expected, or came last."""
         self._request = b""
         self._stray = b""
         self._is_answered = False
+        self._last = b""
+        """The newest reply that came whole: all writes of a position have the same, which is good again."""
         self.late_unit_id = -1
         """Unit id of the newest whole frame that answered nothing; less than 0: none was met."""
 
@@ -96,9 +100,9 @@ class RtuReplyDecoder(RtuDecoder):
 
     def expect(self, unit_id: int, request_pdu: bytes) -> None:
         """Expect the reply to this request, and nothing else. To be called when the request is sent."""
-        if self._buffer:
+        if len(self._buffer):
             self.cancel()
-        self._unit_id = unit_id
+        self.unit_id = unit_id
         self._request = request_pdu
         self._stray = b""
         self._lone_echo = b""
@@ -133,19 +137,31 @@ class RtuReplyDecoder(RtuDecoder):
         self._expect_nothing()
         self._is_answered = False
 
+    def one(self, data: bytes) -> bytes:
+        """Return the PDU of ``data`` where that is the reply that is expected and nothing else.
+
+        Else b"", and nothing was taken: :meth:`feed` takes it.
+        """
+        size = len(data)
+        if len(self._buffer) or len(self._echo) or not self._is_ours(data):
+            return b""
+        if reply_length(self._request, data) != size or not self._fits(data):
+            return b""
+        if data != self._last and not is_intact(data):
+            return b""
+        self._last = data
+        self._request = b""
+        self._is_answered = True
+        return data[1 : size - 2]
+
     def feed(self, data: bytes, now_ns: int) -> list[Frame]:
         """Return the reply, if ``data`` completes it."""
-        if not self._buffer and not self._echo and self._is_ours(data):
-            length = reply_length(self._request, data)
-            if length == len(data) and crc16(data) == 0 and self._fits(data):
-                self._request = b""
-                self._is_answered = True
-                return [(data[0], data[1:-2])]
-        return self._append(data, now_ns)
+        pdu = self.one(data)
+        return [(self.unit_id, pdu)] if len(pdu) else self._append(data, now_ns)
 
     def _is_ours(self, data: bytes, start: int = 0) -> bool:
         """Whether unit id and function byte at ``start`` are those of the expected reply."""
-        if len(data) < start + 2 or data[start] != self._unit_id or not self._request:
+        if len(data) < start + 2 or data[start] != self.unit_id or not len(self._request):
             return False
         function = data[start + 1]
         return function == self._request[0] or (function >= EXCEPTION_BIT and self._is_refusal(function))
@@ -155,7 +171,7 @@ class RtuReplyDecoder(RtuDecoder):
         asked = self._request[0]
         if function == asked | EXCEPTION_BIT:
             return True
-        return asked in READS and function == self._refused_reads.get(self._unit_id, REFUSED_READ)
+        return asked in READS and function == self._refused_reads.get(self.unit_id, REFUSED_READ)
 
     def _fits(self, data: bytes, start: int = 0) -> bool:
         """Whether a reply to a read has as many bytes as were asked for.

@@ -5,13 +5,12 @@ without a rule, lengths that contradict the rule) it ends where the line falls s
 good request is looked for at every later byte, so that one lost frame does not cost the next.
 """
 
-from gateway.modbus.crc import crc16, is_intact
+from gateway.modbus.crc import is_intact
 from gateway.modbus.lengths import (
     MAX_ADU,
     MIN_ADU,
     NEEDS_MORE,
     NO_FRAME,
-    REQUESTS,
     request_length,
 )
 from gateway.modbus.rtu_line import FAST_SILENCE_NS, Frame, RtuDecoder
@@ -44,7 +43,7 @@ class RtuRequestDecoder(RtuDecoder):
     [(1, b'\x061\x00\x00\x0f')]
     """
 
-    __slots__ = ("_after_silence", "_frame_end_ns", "_is_behind_frame")
+    __slots__ = ("_after_silence", "_frame_end_ns", "_is_behind_frame", "unit_id")
 
     def __init__(self, silence_ns: int = FAST_SILENCE_NS, give_up_ns: int | None = None) -> None:
         super().__init__(silence_ns, give_up_ns)
@@ -53,14 +52,26 @@ class RtuRequestDecoder(RtuDecoder):
         self._frame_end_ns = -silence_ns
         self._is_behind_frame = False
         """Whether the waiting bytes follow a good frame without a silence."""
+        self.unit_id = 0
+        """Of the request that :meth:`one` returned last."""
+
+    def one(self, data: bytes, now_ns: int) -> bytes:
+        """Return the PDU of ``data`` where that is one good request and nothing else; of ``unit_id``.
+
+        Else b"", and nothing was taken: :meth:`feed` takes it.
+        """
+        size = len(data)
+        if len(self._buffer) or size < MIN_ADU or request_length(data) != size or not is_intact(data):
+            return b""
+        self._frame_end_ns = now_ns
+        self.unit_id = data[0]
+        return data[1 : size - 2]
 
     def feed(self, data: bytes, now_ns: int) -> list[Frame]:
         """Return the requests that ``data`` completes, in their order."""
-        if not self._buffer and len(data) >= MIN_ADU:
-            rule = REQUESTS.get(data[1])
-            if rule is not None and rule(data, 0) == len(data) and crc16(data) == 0:
-                self._frame_end_ns = now_ns
-                return [(data[0], data[1:-2])]
+        pdu = self.one(data, now_ns)
+        if len(pdu):
+            return [(self.unit_id, pdu)]
         return self._append(data, now_ns) if data else []
 
     def _append(self, data: bytes, now_ns: int) -> list[Frame]:

@@ -55,7 +55,7 @@ class Codec:
         )
 
 
-class _Integer(Codec):
+class Integer(Codec):
     """Integers that are one number in wire order: every type of one word, and the high-first ones."""
 
     __slots__ = ("_is_signed", "_largest", "_range", "_smallest")
@@ -102,7 +102,7 @@ class _Integer(Codec):
         raise RegisterRangeError(f"{raw!r} does not fit {self._name}: it holds {limits}")
 
 
-class _LowFirstPair(_Integer):
+class _LowFirstPair(Integer):
     """Two words, the least significant first: the usual case, worth its own lines."""
 
     __slots__ = ()
@@ -122,7 +122,7 @@ class _LowFirstPair(_Integer):
         return high_first[2:] + high_first[:2]
 
 
-class _Words(_Integer):
+class _Words(Integer):
     """Any number of words in either order, of which the most significant carries the sign."""
 
     __slots__ = ()
@@ -172,17 +172,17 @@ class _Float32(Codec):
 
 
 _CODECS: Final[dict[tuple[str, bool], Codec]] = {
-    ("int16", False): _Integer("int16", ">h", low_first=False),
-    ("int16", True): _Integer("int16", ">h", low_first=True),
-    ("uint16", False): _Integer("uint16", ">H", low_first=False),
-    ("uint16", True): _Integer("uint16", ">H", low_first=True),
-    ("int32", False): _Integer("int32", ">i", low_first=False),
+    ("int16", False): Integer("int16", ">h", low_first=False),
+    ("int16", True): Integer("int16", ">h", low_first=True),
+    ("uint16", False): Integer("uint16", ">H", low_first=False),
+    ("uint16", True): Integer("uint16", ">H", low_first=True),
+    ("int32", False): Integer("int32", ">i", low_first=False),
     ("int32", True): _LowFirstPair("int32", ">Hh", low_first=True),
-    ("uint32", False): _Integer("uint32", ">I", low_first=False),
+    ("uint32", False): Integer("uint32", ">I", low_first=False),
     ("uint32", True): _LowFirstPair("uint32", ">HH", low_first=True),
     ("int48", False): _Words("int48", ">hHH", low_first=False),
     ("int48", True): _Words("int48", ">HHh", low_first=True),
-    ("int64", False): _Integer("int64", ">q", low_first=False),
+    ("int64", False): Integer("int64", ">q", low_first=False),
     ("int64", True): _Words("int64", ">HHHh", low_first=True),
     ("float32", False): _Float32("float32", ">f", low_first=False),
     ("float32", True): _Float32("float32", ">f", low_first=True),

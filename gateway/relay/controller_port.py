@@ -15,7 +15,7 @@ from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, writer_name
 from gateway.modbus.mbap import Adu, MbapCounters, MbapDecoder, encode_mbap, too_long
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
-from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
+from gateway.modbus.rtu import Frame, RtuRequestDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
 from gateway.relay.pulse import FRESH_NS, Beats
 from gateway.transport.channel import Channel
@@ -28,6 +28,8 @@ HAS_GONE: Final = "its controller closed the connection"
 SENT_ANOTHER: Final = "its controller sent another request"
 NO_OTHERS: Final[list[Adu]] = []
 """No requests beside the one that the bytes were."""
+NO_FRAMES: Final[list[Frame]] = []
+"""The same of RTU."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -181,6 +183,9 @@ class RtuControllerPort(ControllerPort):
         """When its last whole request came; 0: never."""
         self.whole = 0
         """Whole requests so far."""
+        self._replied_unit_id = -1
+        self._replied_pdu = self._replied_frame = b""
+        """The newest reply, and its frame: all writes of a position have the same."""
         self.unfinished_ns = 0
         """Always 0: silence ends what is not whole."""
 
@@ -209,23 +214,30 @@ class RtuControllerPort(ControllerPort):
         if self._sender is not None:
             self._sender.heard(now_ns)
         has_left = self._cutter is not None and self._cut(self._cutter, data, now_ns)
-        requests = self._decoder.feed(data, now_ns)
+        decoder = self._decoder
+        pdu = decoder.one(data, now_ns)
+        requests = NO_FRAMES if len(pdu) else decoder.feed(data, now_ns)
         if has_left:
             self.asked_ns = now_ns
             self.whole += 1
-            requests = requests[1:]
+            pdu, requests = b"", requests[1:]
+        is_one = len(pdu) > 0
         beats = self._exchange.beats
+        why_given_up = ""
         if beats.stood_still(now_ns, self.patience_ns):
-            self._pass_on(requests, now_ns, STOOD_STILL)
-            self._decoder.reset()
-            requests = []
-        asks = beats.stood_still(now_ns, FRESH_NS)
-        if requests and self._channel is not None and self._channel.has_gone(asks=asks):
-            self._pass_on(requests, now_ns, HAS_GONE)
-            requests = []
+            why_given_up = STOOD_STILL
+            decoder.reset()
+        elif (is_one or len(requests)) and self._channel is not None:
+            asks = beats.stood_still(now_ns, FRESH_NS)
+            why_given_up = HAS_GONE if self._channel.has_gone(asks=asks) else ""
         if self._timer is not None:
-            self._timer.arm(self._decoder.deadline_ns)
-        self._pass_on(requests, now_ns)
+            self._timer.arm(decoder.deadline_ns)
+        if is_one:
+            self._exchange.request(self, 0, decoder.unit_id, pdu, now_ns, why_given_up=why_given_up)
+            self.asked_ns = now_ns
+            self.whole += 1
+        elif len(requests):
+            self._pass_on(requests, now_ns, why_given_up)
 
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -240,7 +252,10 @@ class RtuControllerPort(ControllerPort):
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
         if self._sender is not None:
-            self._sender.send(encode_rtu(unit_id, pdu))
+            if unit_id != self._replied_unit_id or pdu != self._replied_pdu:
+                self._replied_frame = encode_rtu(unit_id, pdu)
+                self._replied_unit_id, self._replied_pdu = unit_id, pdu
+            self._sender.send(self._replied_frame)
 
     def may_lead(self, now_ns: int) -> bool:
         """See ``ControllerPort``."""

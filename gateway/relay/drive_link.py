@@ -124,7 +124,7 @@ class RtuDriveLink(Link):
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``. A broadcast expects no reply."""
-        if self._own:
+        if len(self._own):
             self._forget_own()
         self._asked_unit_id = unit_id
         self._damaged_before = self._decoder.counters.damaged
@@ -175,12 +175,18 @@ class RtuDriveLink(Link):
             data = self._cut(self._cutter, data, now_ns)
             if not data:
                 return
-        counters = self._decoder.counters
+        decoder = self._decoder
+        pdu = decoder.one(data)
+        if len(pdu):
+            self._timer.arm(decoder.deadline_ns)  # first: see _pass_on
+            self._exchange.reply(decoder.unit_id, pdu, now_ns)
+            return
+        counters = decoder.counters
         stray_bytes, frames = counters.stray_bytes, counters.stray_frames + counters.foreign
-        replies = self._decoder.feed(data, now_ns)
+        replies = decoder.feed(data, now_ns)
         is_frame = counters.stray_frames + counters.foreign != frames
         if is_frame or counters.stray_bytes != stray_bytes:
-            self._exchange.stray(now_ns, unit_id=self._decoder.late_unit_id if is_frame else -1)
+            self._exchange.stray(now_ns, unit_id=decoder.late_unit_id if is_frame else -1)
         self._pass_on(replies, now_ns)
 
     def closed(self, reason: str, now_ns: int) -> None:

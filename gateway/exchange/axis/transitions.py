@@ -246,7 +246,7 @@ class Axis(AxisState):
         """Report something about this axis."""
         self.events.append(Event(kind, self.plan.name, detail))
 
-    def take_events(self) -> Sequence[Event]:
+    def take_events(self) -> tuple[Event, ...]:
         """Return what is to be reported of this axis, each change once; its record says the same then."""
         if self.record is not None:
             self.publish()
@@ -259,7 +259,8 @@ class Axis(AxisState):
                 self.tell(EventKind.DIRECTION_UNSURE, detail)
         if not self.events:
             return ()
-        taken, self.events = self.events, []
+        taken = tuple(self.events)
+        self.events = []
         return taken
 
     def _tell_reference(self) -> None:
