@@ -49,6 +49,7 @@ PATTERNS = (
 """What runs while a frame passes."""
 IN_C = ("gateway/_system.c",)
 """What is written in C, because Python cannot say it without making objects."""
+AS_ONE = ("-flto", "-fvisibility=hidden")
 PLAIN = (
     "compensation/settings.py",
     "exchange/plan.py",
@@ -129,15 +130,33 @@ def files_of(name: str) -> Iterator[str]:
 
 def missing() -> str:
     """Return what this machine lacks to compile for this Python, "" where it lacks nothing."""
-    compiler = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
-    if shutil.which(compiler[0]) is None:
-        return f"there is no C compiler ({compiler[0]}; Debian: apt install gcc python3-dev)"
+    command = compiler()
+    if shutil.which(command[0]) is None:
+        return f"there is no C compiler ({command[0]}; Debian: apt install gcc python3-dev)"
     folders = [sysconfig.get_path("include"), sysconfig.get_path("platinclude")]
     if not any(Path(folder, "Python.h").is_file() for folder in folders):
         return f"there is no {folders[0]}/Python.h (Debian: apt install python3-dev)"
-    tried = [*compiler, *(f"-I{folder}" for folder in folders), "-fsyntax-only", "-x", "c", "-"]
+    tried = [*command, *(f"-I{folder}" for folder in folders), "-fsyntax-only", "-x", "c", "-"]
     done = subprocess.run(tried, input="#include <Python.h>\n", capture_output=True, text=True, check=False)
     return f"the C compiler cannot read Python.h: {first_error(done.stderr)}" if done.returncode else ""
+
+
+def as_one() -> tuple[str, ...]:
+    """Return the flags with which all modules are optimised as one; none where the C compiler has no such.
+
+    Functions of other modules are put in place then. As one file it would need three times the memory.
+    """
+    with TemporaryDirectory() as folder:
+        made = str(Path(folder) / "made.so")
+        tried = [*compiler(), *AS_ONE, "-shared", "-fPIC", "-O2", "-x", "c", "-", "-o", made]
+        source = "int of_one(void) { return 1; }\n"
+        done = subprocess.run(tried, input=source, capture_output=True, text=True, check=False)
+    return () if done.returncode else AS_ONE
+
+
+def compiler() -> list[str]:
+    """Return the command of the C compiler."""
+    return shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
 
 
 def first_error(output: str) -> str:
@@ -159,7 +178,7 @@ def compile_in(folder: Path, *, is_only_c: bool) -> None:
     # What is compiled says where its parts lay, which is another temporary folder each time.
     source = Path(mypyc.__file__).parent.parent
     renamed = shlex.quote(f"-ffile-prefix-map={source}=.")
-    os.environ["CFLAGS"] = f"{os.environ.get('CFLAGS', '')} {renamed}"
+    os.environ["CFLAGS"] = " ".join([os.environ.get("CFLAGS", ""), renamed, *as_one()])
     os.chdir(folder)
     # The caller's own settings for mypy have nothing to say here.
     options = ["--config-file=", "--ignore-missing-imports", "--explicit-package-bases"]
