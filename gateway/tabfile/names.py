@@ -6,6 +6,7 @@ Turning compensation off renamed the file to ``.bak``. Files of other systems ha
 switched off in the same way, by ``.bak`` in place of its suffix or behind it.
 """
 
+import os
 import re
 from dataclasses import dataclass
 from enum import Enum
@@ -80,23 +81,23 @@ def find_axis_tables(folder: Path, axis: str) -> list[Path]:
         TabFileError: the folder cannot be read.
     """
     return [
-        path
-        for path in _entries(folder)
-        if path.suffix.lower() == ".tab" and axis_of_name(path.name) == axis.upper()
+        folder / name
+        for name in sorted(_names(folder))
+        if Path(name).suffix.lower() == ".tab" and axis_of_name(name) == axis.upper()
     ]
 
 
 def _matches(folder: Path, wanted: str) -> Path | None:
-    found = [path for path in _entries(folder) if path.name.lower() == wanted]
+    found = sorted(name for name in _names(folder) if name.lower() == wanted)
     if len(found) > 1:
-        names = ", ".join(path.name for path in found)
+        names = ", ".join(found)
         raise TabFileError(Problem(str(folder), f"{names}, which differ by case only", "one of them"))
-    return found[0] if found else None
+    return folder / found[0] if found else None
 
 
-def _entries(folder: Path) -> list[Path]:
+def _names(folder: Path) -> list[str]:
     try:
-        return sorted(folder.iterdir())
+        return os.listdir(folder)  # noqa: PTH208 - looked at each second: names will do
     except OSError as error:
         raise TabFileError(
             Problem(str(folder), error.strerror or str(error), "a folder that can be read")
