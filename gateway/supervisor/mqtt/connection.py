@@ -95,12 +95,7 @@ class _Client(aiomqtt.Client):
             if sock.fileno() >= 0:
                 self._loop.add_writer(sock.fileno(), write)
 
-        try:
-            asyncio.get_running_loop()
-        except RuntimeError:  # connecting, in a thread of its own
-            self._loop.call_soon_threadsafe(register)
-        else:
-            register()
+        self._loop.call_soon_threadsafe(register)
 
 
 def _client(settings: Settings, password: str | None, context: ssl.SSLContext | None) -> aiomqtt.Client:
