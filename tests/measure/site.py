@@ -157,10 +157,12 @@ async def gateway(
     try:
         assert process.stderr is not None
         ready: set[str] = set()
+        said = b""
         async with asyncio.timeout(SECONDS):
             while not {"ready", "line-up"} <= ready:
                 line = await process.stderr.readline()
-                assert line, "the gateway has ended"
+                said += line
+                assert line, f"the gateway has ended: {said.decode()}"
                 if line.startswith(b"{"):  # others warn of the configuration
                     ready.add(json.loads(line)["event"])
         draining = asyncio.create_task(process.stderr.read())
