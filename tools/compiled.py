@@ -49,7 +49,7 @@ PATTERNS = (
 """What runs while a frame passes."""
 IN_C = ("gateway/_system.c",)
 """What is written in C, because Python cannot say it without making objects."""
-AS_ONE = ("-flto", "-fvisibility=hidden")
+AS_ONE = ("-flto=auto", "-fvisibility=hidden")
 PLAIN = (
     "compensation/settings.py",
     "exchange/plan.py",
@@ -178,7 +178,10 @@ def compile_in(folder: Path, *, is_only_c: bool) -> None:
     # What is compiled says where its parts lay, which is another temporary folder each time.
     source = Path(mypyc.__file__).parent.parent
     renamed = shlex.quote(f"-ffile-prefix-map={source}=.")
-    os.environ["CFLAGS"] = " ".join([os.environ.get("CFLAGS", ""), renamed, *as_one()])
+    # Optimised as one, the code is made when it is linked, for which Python's own settings may ask for -g:
+    # that would name the folder too.
+    flags = [*(() if is_only_c else as_one()), os.environ.get("CFLAGS", ""), renamed, "-g0"]
+    os.environ["CFLAGS"] = " ".join(flags)
     os.chdir(folder)
     # The caller's own settings for mypy have nothing to say here.
     options = ["--config-file=", "--ignore-missing-imports", "--explicit-package-bases"]

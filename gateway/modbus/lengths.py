@@ -114,8 +114,6 @@ REQUESTS: Final[Mapping[int, Rule]] = {
     FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT: EncapsulatedRequest(),
 }
 
-_DIAGNOSTICS_REPLY: Final = Rule(8)
-"""So long where its request is not known; else as long as that."""
 REPLIES: Final[Mapping[int, Rule]] = {
     FunctionCode.READ_COILS: Rule(5, counted_at=2),
     FunctionCode.READ_DISCRETE_INPUTS: Rule(5, counted_at=2),
@@ -124,7 +122,7 @@ REPLIES: Final[Mapping[int, Rule]] = {
     FunctionCode.WRITE_SINGLE_COIL: Rule(8),
     FunctionCode.WRITE_SINGLE_REGISTER: Rule(8),
     FunctionCode.READ_EXCEPTION_STATUS: Rule(5),
-    FunctionCode.DIAGNOSTICS: _DIAGNOSTICS_REPLY,
+    FunctionCode.DIAGNOSTICS: Rule(8),
     FunctionCode.GET_COMM_EVENT_COUNTER: Rule(8),
     FunctionCode.GET_COMM_EVENT_LOG: Rule(5, counted_at=2),
     FunctionCode.WRITE_MULTIPLE_COILS: Rule(8),
@@ -138,6 +136,7 @@ REPLIES: Final[Mapping[int, Rule]] = {
     FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT: EncapsulatedReply(),
 }
 
+_DIAGNOSTICS: Final = int(FunctionCode.DIAGNOSTICS)
 _BY_FUNCTION: Final = 0x100
 _REQUEST_RULES: Final = tuple([REQUESTS.get(function) for function in range(_BY_FUNCTION)])
 _REPLY_RULES: Final = tuple([REPLIES.get(function) for function in range(_BY_FUNCTION)])
@@ -181,9 +180,9 @@ def reply_length(request_pdu: bytes, data: bytes, start: int = 0) -> int:
     function = data[start + 1]
     if function >= EXCEPTION_BIT:
         return UNTIL_SILENCE if function == request_pdu[0] else EXCEPTION_ADU
-    rule = _REPLY_RULES[function]
-    if rule is _DIAGNOSTICS_REPLY and function == request_pdu[0]:
+    if function == _DIAGNOSTICS and function == request_pdu[0]:
         return len(request_pdu) + ADU_OVERHEAD
+    rule = _REPLY_RULES[function]
     if rule is not None:
         return rule.length(data, start)
     return UNTIL_SILENCE if function else NO_FRAME

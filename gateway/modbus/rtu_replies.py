@@ -52,16 +52,16 @@ class RtuReplyDecoder(RtuDecoder):
 
     __slots__ = (
         "_echo",
+        "_good_reply",
         "_has_echo",
         "_heard",
         "_is_answered",
-        "_last",
         "_lone_echo",
         "_refused_reads",
         "_request",
         "_stray",
+        "_unit_id",
         "late_unit_id",
-        "unit_id",
     )
 
     def __init__(
@@ -78,12 +78,11 @@ class RtuReplyDecoder(RtuDecoder):
         self._echo = b""
         self._lone_echo = b""
         self._heard = b""
-        self.unit_id = 0
-        """Whose reply is expected, or came last."""
+        self._unit_id = 0
         self._request = b""
         self._stray = b""
         self._is_answered = False
-        self._last = b""
+        self._good_reply = b""
         """The newest reply that came whole: all writes of a position have the same, which is good again."""
         self.late_unit_id = -1
         """Unit id of the newest whole frame that answered nothing; less than 0: none was met."""
@@ -102,7 +101,7 @@ class RtuReplyDecoder(RtuDecoder):
         """Expect the reply to this request, and nothing else. To be called when the request is sent."""
         if len(self._buffer):
             self.cancel()
-        self.unit_id = unit_id
+        self._unit_id = unit_id
         self._request = request_pdu
         self._stray = b""
         self._lone_echo = b""
@@ -147,9 +146,9 @@ class RtuReplyDecoder(RtuDecoder):
             return b""
         if reply_length(self._request, data) != size or not self._fits(data):
             return b""
-        if data != self._last and not is_intact(data):
+        if data != self._good_reply and not is_intact(data):
             return b""
-        self._last = data
+        self._good_reply = data
         self._request = b""
         self._is_answered = True
         return data[1 : size - 2]
@@ -157,11 +156,11 @@ class RtuReplyDecoder(RtuDecoder):
     def feed(self, data: bytes, now_ns: int) -> list[Frame]:
         """Return the reply, if ``data`` completes it."""
         pdu = self.one(data)
-        return [(self.unit_id, pdu)] if len(pdu) else self._append(data, now_ns)
+        return [(data[0], pdu)] if len(pdu) else self._append(data, now_ns)
 
     def _is_ours(self, data: bytes, start: int = 0) -> bool:
         """Whether unit id and function byte at ``start`` are those of the expected reply."""
-        if len(data) < start + 2 or data[start] != self.unit_id or not len(self._request):
+        if len(data) < start + 2 or data[start] != self._unit_id or not len(self._request):
             return False
         function = data[start + 1]
         return function == self._request[0] or (function >= EXCEPTION_BIT and self._is_refusal(function))
@@ -171,7 +170,7 @@ class RtuReplyDecoder(RtuDecoder):
         asked = self._request[0]
         if function == asked | EXCEPTION_BIT:
             return True
-        return asked in READS and function == self._refused_reads.get(self.unit_id, REFUSED_READ)
+        return asked in READS and function == self._refused_reads.get(self._unit_id, REFUSED_READ)
 
     def _fits(self, data: bytes, start: int = 0) -> bool:
         """Whether a reply to a read has as many bytes as were asked for.

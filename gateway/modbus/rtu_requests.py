@@ -43,7 +43,7 @@ class RtuRequestDecoder(RtuDecoder):
     [(1, b'\x061\x00\x00\x0f')]
     """
 
-    __slots__ = ("_after_silence", "_frame_end_ns", "_is_behind_frame", "unit_id")
+    __slots__ = ("_after_silence", "_frame_end_ns", "_is_behind_frame")
 
     def __init__(self, silence_ns: int = FAST_SILENCE_NS, give_up_ns: int | None = None) -> None:
         super().__init__(silence_ns, give_up_ns)
@@ -52,11 +52,9 @@ class RtuRequestDecoder(RtuDecoder):
         self._frame_end_ns = -silence_ns
         self._is_behind_frame = False
         """Whether the waiting bytes follow a good frame without a silence."""
-        self.unit_id = 0
-        """Of the request that :meth:`one` returned last."""
 
     def one(self, data: bytes, now_ns: int) -> bytes:
-        """Return the PDU of ``data`` where that is one good request and nothing else; of ``unit_id``.
+        """Return the PDU of ``data`` where that is one good request and nothing else.
 
         Else b"", and nothing was taken: :meth:`feed` takes it.
         """
@@ -64,14 +62,13 @@ class RtuRequestDecoder(RtuDecoder):
         if len(self._buffer) or size < MIN_ADU or request_length(data) != size or not is_intact(data):
             return b""
         self._frame_end_ns = now_ns
-        self.unit_id = data[0]
         return data[1 : size - 2]
 
     def feed(self, data: bytes, now_ns: int) -> list[Frame]:
         """Return the requests that ``data`` completes, in their order."""
         pdu = self.one(data, now_ns)
         if len(pdu):
-            return [(self.unit_id, pdu)]
+            return [(data[0], pdu)]
         return self._append(data, now_ns) if data else []
 
     def _append(self, data: bytes, now_ns: int) -> list[Frame]:

@@ -233,7 +233,7 @@ class RtuControllerPort(ControllerPort):
         if self._timer is not None:
             self._timer.arm(decoder.deadline_ns)
         if is_one:
-            self._exchange.request(self, 0, decoder.unit_id, pdu, now_ns, why_given_up=why_given_up)
+            self._exchange.request(self, 0, data[0], pdu, now_ns, why_given_up=why_given_up)
             self.asked_ns = now_ns
             self.whole += 1
         elif len(requests):

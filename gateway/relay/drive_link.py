@@ -179,7 +179,7 @@ class RtuDriveLink(Link):
         pdu = decoder.one(data)
         if len(pdu):
             self._timer.arm(decoder.deadline_ns)  # first: see _pass_on
-            self._exchange.reply(decoder.unit_id, pdu, now_ns)
+            self._exchange.reply(data[0], pdu, now_ns)
             return
         counters = decoder.counters
         stray_bytes, frames = counters.stray_bytes, counters.stray_frames + counters.foreign

@@ -197,11 +197,12 @@ class Supervisor:
             work = partial(self._keeper.retry, still)
         else:
             work = partial(self._keeper.refresh, still)
+        began_s = time.monotonic()
         outcome = await self._done(work)
         if (loaded := self._keeper.loaded) is not None:
             self._configure(loaded)
         if outcome.has_read:
-            self._watch.take(outcome.sights, outcome.waiting)
+            self._watch.take(outcome.sights, outcome.waiting, began_s=began_s)
             self._book.enter(self._keeper.names, outcome)
         self._report(outcome, is_asked=is_asked)
         if is_reload or is_retry:

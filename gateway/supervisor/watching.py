@@ -78,16 +78,19 @@ class Watch:
         self._sights, self._looked_s = sights, time.monotonic()
         return any(self._state(name) is State.READY for name in names)
 
-    def take(self, before: Mapping[str, Sight], waiting: Collection[str] = ()) -> None:
+    def take(self, before: Mapping[str, Sight], waiting: Collection[str] = (), *, began_s: float) -> None:
         """Note that files were read; ``before`` are the sights that were seen just before.
+
+        ``began_s``: when the reading began (``time.monotonic``). What a look saw before is older than these
+        sights: beside it a file that stands still would seem to move.
 
         The files of axes in ``waiting`` could not be, and are to be read as soon as they stand still.
         """
         taken = {name: sight for name, sight in before.items() if name in self._files}
         for name, sight in taken.items():
             self._files[name].take(sight, time.monotonic())
-        # Newer than what was looked at last, beside which a file that stands still would seem to move.
-        self._sights = {**self._sights, **taken}
+        if self._looked_s < began_s:
+            self._sights = {**self._sights, **taken}
         for axis in waiting:
             if axis in self._names:
                 self._files[self._names[axis]].forget()

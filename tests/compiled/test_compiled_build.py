@@ -23,7 +23,10 @@ def run(*words: str | Path, folder: Path = ROOT) -> "subprocess.CompletedProcess
     )
 
 
-def test_the_hot_path_becomes_c_and_the_checkout_stays_as_it_is(tmp_path: Path) -> None:
+def test_the_hot_path_becomes_c_and_the_checkout_stays_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")  # which is not needed so far
     before = sorted(ROOT.joinpath("gateway").rglob("*.so"))
     done = run(TOOL, "--only-c", tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr

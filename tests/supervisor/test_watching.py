@@ -1,6 +1,7 @@
 """The watch over the tables folder: what it lets be read, and when it looks again."""
 
 import asyncio
+import time
 from pathlib import Path
 
 import pytest
@@ -60,10 +61,11 @@ def test_a_file_counts_as_it_was_seen_once_it_was_taken(tmp_path: Path) -> None:
         assert watch.still == {}
         await watch.look()
         assert watch.still == {"x.tab": None}
+        began_s = time.monotonic()
         seen = look(tmp_path, ["x.tab"])
-        watch.take(seen)
+        watch.take(seen, began_s=began_s)
         assert watch.still == seen
-        watch.take({}, waiting={"x"})
+        watch.take({}, waiting={"x"}, began_s=began_s)
         assert watch.moving == {"x"}
 
     asyncio.run(still())
@@ -76,12 +78,29 @@ def test_a_file_that_was_read_since_the_last_look_does_not_move(tmp_path: Path) 
         watch = Watch()
         watch.follow(tmp_path, NAMES)
         await watch.look()
-        watch.take(look(tmp_path, ["x.tab"]))
+        watch.take(look(tmp_path, ["x.tab"]), began_s=time.monotonic())
         table.write_text("another")
+        began_s = time.monotonic()
         seen = look(tmp_path, ["x.tab"])  # as a reload that somebody asks for does
-        watch.take(seen)
+        watch.take(seen, began_s=began_s)
         assert watch.moving == frozenset()
         assert watch.still == seen
+
+    asyncio.run(still())
+
+
+def test_a_file_that_changed_while_it_was_read_moves(tmp_path: Path) -> None:
+    async def still() -> None:
+        table = tmp_path / "x.tab"
+        table.write_text("one")
+        watch = Watch()
+        watch.follow(tmp_path, NAMES)
+        began_s = time.monotonic()
+        seen = look(tmp_path, ["x.tab"])
+        table.write_text("another")
+        await watch.look()
+        watch.take(seen, began_s=began_s)
+        assert watch.moving == {"x"}
 
     asyncio.run(still())
 
