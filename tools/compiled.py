@@ -50,6 +50,7 @@ PATTERNS = (
 IN_C = ("gateway/_system.c",)
 """What is written in C, because Python cannot say it without making objects."""
 AS_ONE = ("-flto=auto", "-fvisibility=hidden")
+"""With which the C compiler optimises all modules as one, where it takes them."""
 PLAIN = (
     "compensation/settings.py",
     "exchange/plan.py",

@@ -137,9 +137,9 @@ REPLIES: Final[Mapping[int, Rule]] = {
 }
 
 _DIAGNOSTICS: Final = int(FunctionCode.DIAGNOSTICS)
-_BY_FUNCTION: Final = 0x100
-_REQUEST_RULES: Final = tuple([REQUESTS.get(function) for function in range(_BY_FUNCTION)])
-_REPLY_RULES: Final = tuple([REPLIES.get(function) for function in range(_BY_FUNCTION)])
+_FUNCTION_CODES: Final = 0x100
+_REQUEST_RULES: Final = tuple([REQUESTS.get(function) for function in range(_FUNCTION_CODES)])
+_REPLY_RULES: Final = tuple([REPLIES.get(function) for function in range(_FUNCTION_CODES)])
 
 
 def request_length(data: bytes, start: int = 0) -> int:
@@ -201,7 +201,7 @@ def asked_bytes(request_pdu: bytes) -> int | None:
 
 
 def _bits_each() -> bytes:
-    bits = bytearray(_BY_FUNCTION)
+    bits = bytearray(_FUNCTION_CODES)
     bits[FunctionCode.READ_COILS] = bits[FunctionCode.READ_DISCRETE_INPUTS] = 1
     bits[FunctionCode.READ_HOLDING_REGISTERS] = bits[FunctionCode.READ_INPUT_REGISTERS] = 16
     bits[FunctionCode.READ_WRITE_MULTIPLE_REGISTERS] = 16
