@@ -291,6 +291,16 @@ class Transaction:
             self._rendering = self.path.rendering(self)
         return self._rendering
 
+    @property
+    def leave_by_ns(self) -> int:
+        """Latest instant at which a request that was held up may leave: half of ``timeout_ms`` is left then.
+
+        One limit for each wait that its controller cannot know of: a line that is down, the silence of its
+        own drive, a connection that is made anew. What leaves later may be answered after its controller gave
+        up, which then takes a write for lost that the drive carries out.
+        """
+        return NEVER_NS if self.port is None else self.arrived_ns + self.port.patience_ns // 2
+
     # --- phases ----------------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> None:
