@@ -5,6 +5,7 @@ from typing import Final
 
 from gateway.exchange.access import only_reads
 from gateway.exchange.axis.events import Outcome
+from gateway.exchange.axis.registers import Loss
 from gateway.exchange.dispatch import Units
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.gate import UNSEEN, Denial, Gate
@@ -120,7 +121,7 @@ class Admission:
             now_ns,
             code=denial.code,
             answer=Answer.DENIAL,
-            is_lost=transaction.is_motion,
+            loss=Loss.DENIED if transaction.is_motion else None,
         )
 
     def _gate_of(self, plan: ControllerPlan) -> Gate | None:

@@ -182,7 +182,7 @@ class Units:
         known = transaction.knowledge() if self.have_rules else transaction.known or NOTHING_KNOWN
         requests = []
         for frame in frames:
-            request = understand(frame, known, now_ns, transaction.arrived_ns)
+            request = understand(frame, known, now_ns, transaction.arrived_ns, transaction.follows_ns)
             if frame.access is NO_ACCESS and not request.meanings:
                 continue
             requests.append(request)

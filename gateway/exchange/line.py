@@ -29,6 +29,7 @@ from gateway.exchange.answers import Answers, Reach, Silence
 from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.events import Outcome, SteadyTarget
 from gateway.exchange.axis.groups import join
+from gateway.exchange.axis.registers import Loss
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import Control, ControlError, EndDryRun, SetLimits, carry_out
 from gateway.exchange.counters import LineCounters
@@ -208,6 +209,7 @@ class LineExchange(CuttingLine):
         # Losses are told apart by it (M3): no two requests come at one instant.
         arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
         transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
+        transaction.follow(port)
         if port.gate is not None:
             denial = self._admission.denial(transaction, arrived_ns)
             if denial is not None:
@@ -291,7 +293,7 @@ class LineExchange(CuttingLine):
         stop.become_stop(only_stops=self._units.only_stops(self._units.frames_of(stop)))
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             busy = ExceptionCode.SERVER_DEVICE_BUSY
-            self._refuse(stop, busy, now_ns, is_lost=False)
+            self._refuse(stop, busy, now_ns, loss=None)
         elif self.answers.backs_off and self._stop_from_ns(stop) > now_ns:
             self._thin_out(stop, now_ns)
         self._next(now_ns)
@@ -783,7 +785,8 @@ class LineExchange(CuttingLine):
             added, pdu = self._units.next_to_send(transaction, now_ns)
         except RefusedRequestError as refusal:
             self._tell_refusal(refusal, now_ns)
-            self._refuse(transaction, refusal.code, now_ns)
+            loss = Loss.TOO_EARLY if refusal.is_too_early else Loss.DENIED
+            self._refuse(transaction, refusal.code, now_ns, loss=loss)
             return
         transaction.need(added)
         if added is not None:
@@ -857,6 +860,7 @@ class LineExchange(CuttingLine):
         assert port is not None
         arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
         transaction.arrive(pdu, arrived_ns)
+        transaction.follow(port)
         sent_pdu = leave_on(path, transaction, target, now_ns)
         if sent_pdu is None:
             return None
@@ -886,7 +890,7 @@ class LineExchange(CuttingLine):
 
     def _end_leaving(self, transaction: Transaction, now_ns: int) -> None:
         """End what never left whole: nothing of it is lost that its controller has not still to send."""
-        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, is_lost=False)
+        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, loss=None)
 
     def _end_broadcast(self, transaction: Transaction, now_ns: int) -> None:
         """Give the drives time to obey what all of them heard, and none of them answers."""
@@ -911,17 +915,19 @@ class LineExchange(CuttingLine):
 
     # --- endings ---------------------------------------------------------------------------------------
 
-    def _lose(self, transaction: Transaction, code: int) -> None:
+    def _lose(self, transaction: Transaction, code: int, loss: Loss) -> None:
         """Note that a request never reached its drive (M3); who may write nothing has nothing to lose."""
         if transaction.is_denied and not transaction.is_motion:
             return
-        self._ownership.lose(transaction, code)
+        self._ownership.lose(transaction, code, loss)
         self._report(self._units.axes_of(transaction.unit_id))
 
-    def _refuse(self, transaction: Transaction, code: int, now_ns: int, *, is_lost: bool = True) -> None:
+    def _refuse(
+        self, transaction: Transaction, code: int, now_ns: int, *, loss: Loss | None = Loss.DENIED
+    ) -> None:
         """Refuse a request that might have moved something: it never reached the drive (M3)."""
         self._ends.finish(
-            transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, is_lost=is_lost
+            transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, loss=loss
         )
 
     def _refuse_absent(self, transaction: Transaction, now_ns: int) -> None:
@@ -931,7 +937,9 @@ class LineExchange(CuttingLine):
 
     def _withdraw(self, transaction: Transaction, why: str, now_ns: int) -> None:
         """End a request that its controller does not wait for any more (W5)."""
-        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=LOST, withdrawn=why)
+        self._ends.finish(
+            transaction, Outcome.NEVER_SENT, now_ns, code=LOST, withdrawn=why, loss=Loss.WITHDRAWN
+        )
 
     def _overtaken(self, transaction: Transaction, why: str, now_ns: int) -> None:
         """Withdraw what a stop has overtaken; its controller still waits, and is told (M3)."""

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from gateway.drives.motion import Action
 from gateway.exchange.access import MONITOR_FUNCTIONS
+from gateway.exchange.axis.registers import Loss
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.dispatch import Units
 from gateway.exchange.events import Event, EventKind
@@ -37,6 +38,7 @@ class Unsent(NamedTuple):
     pdu: bytes
     frames: tuple[Frame, ...]
     arrived_ns: int
+    follows_ns: int
 
 
 class Ownership:
@@ -94,16 +96,17 @@ class Ownership:
                 if written.parts:
                     _hold_on(axis, port.writer, now_ns)
 
-    def lose(self, transaction: Transaction, code: int) -> None:
+    def lose(self, transaction: Transaction, code: int, loss: Loss) -> None:
         """Note that a request never reached the drive: at once for its own axes, else for later."""
         port = transaction.port
         assert port is not None
-        unsent = Unsent(transaction.pdu, self._units.frames_of(transaction), transaction.arrived_ns)
+        frames = self._units.frames_of(transaction)
+        unsent = Unsent(transaction.pdu, frames, transaction.arrived_ns, transaction.follows_ns)
         for frame in unsent.frames:
             for own in frame.by_axis:
                 hold = own.axis.hold
                 if hold.is_shared or hold.writer in ("", port.writer):
-                    _lose_of_axis(own.axis, unsent, code)
+                    _lose_of_axis(own.axis, unsent, code, loss)
                 else:
                     self._keep((own.axis.plan.name, port.writer), transaction.unit_id, unsent)
 
@@ -199,7 +202,7 @@ class Ownership:
             axis.lose_everything(_BUSY)
             return
         for unsent in lost.values():
-            _lose_of_axis(axis, unsent, _BUSY)
+            _lose_of_axis(axis, unsent, _BUSY, Loss.DENIED)
 
 
 def _hold_on(axis: Axis, writer: str, now_ns: int) -> None:
@@ -208,7 +211,7 @@ def _hold_on(axis: Axis, writer: str, now_ns: int) -> None:
             member.hold.extend(now_ns)
 
 
-def _lose_of_axis(axis: Axis, lost: Unsent, code: int) -> None:
+def _lose_of_axis(axis: Axis, lost: Unsent, code: int, loss: Loss) -> None:
     """Note for one axis that a request never reached its drive."""
     for frame in lost.frames:
         for own in frame.by_axis:
@@ -217,7 +220,9 @@ def _lose_of_axis(axis: Axis, lost: Unsent, code: int) -> None:
                 parts = [part_of(hit, lost.pdu, frame.access) for hit in written]
                 found = meanings(frame) if frame.unit.has_rules else []
                 command = next((meaning for meaning in found if meaning.axis is axis), None)
-                axis.lose_request(parts, command, code, lost.arrived_ns)
+                axis.lose_request(
+                    parts, command, code, loss, arrived_ns=lost.arrived_ns, follows_ns=lost.follows_ns
+                )
 
 
 def _runs_of_another(axis: Axis, meaning: Meaning | None, writer: str) -> bool:

@@ -53,6 +53,8 @@ class ControllerPort:
         """See :func:`writer_name`."""
         self.stamps = Stamps()
         """When its newest frame left."""
+        self.newest_ns = 0
+        """When its newest request came. The exchange's own."""
         self.gate: Gate | None = UNSEEN
         """What it may ask for; None: whatever its role allows. The exchange's own."""
 

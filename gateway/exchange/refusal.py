@@ -6,9 +6,19 @@ from gateway.exchange.events import EventKind
 class RefusedRequestError(Exception):
     """A request that the gateway answers itself: with ``code``, and nothing was sent."""
 
-    def __init__(self, code: int, axis: str, reason: str, kind: EventKind = EventKind.REFUSED_VALUE) -> None:
+    def __init__(
+        self,
+        code: int,
+        axis: str,
+        reason: str,
+        kind: EventKind = EventKind.REFUSED_VALUE,
+        *,
+        is_too_early: bool = False,
+    ) -> None:
         super().__init__(reason)
         self.code = code
         self.axis = axis
         self.reason = reason
         self.kind = kind
+        self.is_too_early = is_too_early
+        """It writes a part of a position whose other parts have to come again: the parts count together."""

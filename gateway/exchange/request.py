@@ -17,7 +17,7 @@ from gateway.compensation.readback import Readback
 from gateway.drives.motion import Action, Addressing
 from gateway.exchange.access import Access
 from gateway.exchange.axis.events import AxisRequest, Part
-from gateway.exchange.axis.registers import FieldImage
+from gateway.exchange.axis.registers import ALL_WORDS, FieldImage, mask_of
 from gateway.exchange.axis.state import Actual, Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.meaning import Frame, Meaning, meanings
@@ -112,6 +112,8 @@ class Request(NamedTuple):
     now_ns: int
     arrived_ns: int
     """When it came from its controller; no two requests of a line came at the same instant."""
+    follows_ns: int = 0
+    """When the request before it came on the same connection."""
 
 
 def has_a_stop(requests: Sequence[Request]) -> bool:
@@ -119,7 +121,7 @@ def has_a_stop(requests: Sequence[Request]) -> bool:
     return any(meaning.is_stop for request in requests for meaning in request.meanings)
 
 
-def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int) -> Request:
+def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int, follows_ns: int = 0) -> Request:
     """Work out what a request means now that it is its turn, with what was read for it.
 
     This is done anew each time that it is its turn: while it waited, or waited for a frame that it needs
@@ -152,14 +154,16 @@ def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int) -> Requ
                 assert place.image is not None
                 cut.append(place.image)
                 continue
-            words = nominal_words(hit, frame, known, arrived_ns) if access.is_consistent else None
+            words = None
+            if access.is_consistent:
+                words = nominal_words(hit, frame, known, arrived_ns, follows_ns)
             is_run = hit in running
             fields.append(CommandWrite(hit, words, is_run))
             if is_run and is_again:
                 is_again = words is not None and axis.is_repeat(place.number, words)
                 has_last = has_last or place.number == axis.last_number
         writes.append(AxisWrite(axis, meaning, action, fields, cut, is_again and has_last))
-    return Request(frame, found, writes, known, now_ns, arrived_ns)
+    return Request(frame, found, writes, known, now_ns, arrived_ns, follows_ns)
 
 
 # --- parts of positions ------------------------------------------------------------------------------------
@@ -178,16 +182,18 @@ def written_part(hit: FieldHit, pdu: bytes, access: Access) -> tuple[int, bytes]
     return first, data[start : start + 2 * (hit.place.field.words - first)]
 
 
-def nominal_words(hit: FieldHit, frame: Frame, known: Known, arrived_ns: int) -> bytes | None:
+def nominal_words(
+    hit: FieldHit, frame: Frame, known: Known, arrived_ns: int, follows_ns: int
+) -> bytes | None:
     """Return all words of a command field once a request is applied, or None when some are not known."""
     image, pdu, access = hit.place.image, frame.pdu, frame.access
     assert image is not None
     if access.is_mask:
-        return _masked(hit, pdu, access)
+        return _masked(hit, pdu, access, arrived_ns)
     first, words = written_part(hit, pdu, access)
     if hit.is_whole:
         return words
-    completed = image.completed(first, words, arrived_ns)
+    completed = image.completed(first, words, arrived_ns, follows_ns)
     read = known.command_words.get(key_of(hit))
     if completed is None and read is not None and not image.is_torn:
         merged = bytearray(read)
@@ -197,11 +203,12 @@ def nominal_words(hit: FieldHit, frame: Frame, known: Known, arrived_ns: int) ->
     return completed
 
 
-def _masked(hit: FieldHit, pdu: bytes, access: Access) -> bytes | None:
+def _masked(hit: FieldHit, pdu: bytes, access: Access, arrived_ns: int) -> bytes | None:
     image = hit.place.image
-    if image is None or image.is_torn or image.nominal_words is None:
+    base = None if image is None else image.base(arrived_ns)
+    if base is None:
         return None  # a mask needs the exact word that it is laid over
-    merged = bytearray(image.nominal_words)
+    merged = bytearray(base)
     at = -2 * hit.word
     data = pdu[access.data_offset :]
     current = merged[at] << 8 | merged[at + 1]
@@ -236,9 +243,21 @@ def part_of(hit: FieldHit, pdu: bytes, access: Access) -> Part:
     """Return what a request writes of one command field or limit."""
     image = hit.place.image
     assert image is not None
-    if hit.is_whole or access.is_mask or not access.is_consistent:
+    if not access.is_consistent:
         return Part(image, -1, b"")
-    return Part(image, *written_part(hit, pdu, access))
+    if access.is_mask:
+        return Part(image, -hit.word, b"")
+    return Part(image, -1, b"") if hit.is_whole else Part(image, *written_part(hit, pdu, access))
+
+
+def mask_written(hit: FieldHit, pdu: bytes, access: Access) -> int:
+    """Return a mask of the words of a command field or limit that a request writes."""
+    if access.is_mask:
+        return mask_of(-hit.word, 1)
+    if hit.is_whole:
+        return ALL_WORDS
+    first, words = written_part(hit, pdu, access)
+    return mask_of(first, len(words) // 2)
 
 
 # --- what is sent for it ------------------------------------------------------------------------------------
@@ -276,8 +295,14 @@ class Rewriting:
         name = axis.plan.name
         found = self.by_axis.get(name)
         if found is None:
-            command = next((each for each in self.request.meanings if each.axis is axis), None)
-            found = self.by_axis[name] = AxisRequest(self.request.arrived_ns, command)
+            request = self.request
+            command = next((each for each in request.meanings if each.axis is axis), None)
+            found = self.by_axis[name] = AxisRequest(
+                request.arrived_ns,
+                command,
+                follows_ns=request.follows_ns,
+                reads_too=self.access.read_quantity > 0,
+            )
         return found
 
     def complete(self) -> None:

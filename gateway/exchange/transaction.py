@@ -23,6 +23,7 @@ from gateway.compiled import mypyc_attr
 from gateway.exchange.access import only_reads
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.axis.events import Outcome, SteadyTarget
+from gateway.exchange.axis.registers import Loss
 from gateway.exchange.axis.state import Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.counters import LineCounters
@@ -186,6 +187,8 @@ class Transaction:
     """So long its own frame had been leaving when all of it had come (``cut_line``)."""
     excused_ns = 0
     """How much of that no deadline counts: a look at where the axis stands."""
+    follows_ns = 0
+    """When the request before it came on the same connection."""
     is_orphan = False
     """Its controller has gone or gone on, or has heard a reply while that still arrived (``cut_line``): what
     comes is taken note of and then dropped."""
@@ -218,6 +221,10 @@ class Transaction:
         """Of the frame that is on the wire for it."""
         self.pdu = pdu
         self.arrived_ns = arrived_ns
+
+    def follow(self, port: ControllerPort) -> None:
+        """Note the request before it on the same connection."""
+        self.follows_ns, port.newest_ns = port.newest_ns, self.arrived_ns
 
     @property
     def is_motion(self) -> bool:
@@ -420,7 +427,7 @@ class Endings:
         self,
         counters: LineCounters,
         on_event: Callable[[Event], None],
-        lose: Callable[[Transaction, int], None],
+        lose: Callable[[Transaction, int, Loss], None],
         unit_of: Callable[[int], UnitMap | None],
     ) -> None:
         self._counters = counters
@@ -438,7 +445,7 @@ class Endings:
         reply: bytes = b"",
         answer: Answer = Answer.NOTHING,
         withdrawn: str = "",
-        is_lost: bool = True,
+        loss: Loss | None = Loss.DENIED,
     ) -> None:
         """End a transaction: answer its controller, and take note of what the end says of its axes.
 
@@ -450,13 +457,13 @@ class Endings:
             reply: of its drive.
             answer: what its controller hears where there is no reply.
             withdrawn: why it was not sent any more; "" where it was not withdrawn.
-            is_lost: what it would have written is lost, where it never left (M3); not for those who have no
-                right to write, and not where that was noted already.
+            loss: how what it would have written is lost, where it never left (M3); None for those who have
+                no right to write, and where that was noted already.
         """
         transaction.end(outcome)
         if outcome is Outcome.NEVER_SENT:
-            if is_lost and transaction.port is not None and not only_reads(transaction.pdu):
-                self._lose(transaction, code)
+            if loss is not None and transaction.port is not None and not only_reads(transaction.pdu):
+                self._lose(transaction, code, loss)
             if withdrawn:
                 self._note_withdrawn(transaction, withdrawn)
         elif reply:

@@ -12,6 +12,7 @@ from typing import Final
 from gateway.drives.motion import Action, Form
 from gateway.exchange.access import MEI_HEAD, Access, swapped
 from gateway.exchange.axis.events import Outcome, Staging
+from gateway.exchange.axis.registers import Completeness, NextPart
 from gateway.exchange.axis.state import Rendering
 from gateway.exchange.axis.transitions import MOVES_OTHERWISE, Axis
 from gateway.exchange.events import EventKind
@@ -36,6 +37,7 @@ from gateway.exchange.request import (
     Span,
     Standing,
     key_of,
+    mask_written,
     part_of,
     written_part,
 )
@@ -378,7 +380,9 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
             continue
         number, image = hit.place.number, hit.place.image
         assert image is not None
-        if words is None:
+        # What was refused before would run with it (M3): the trigger is in this frame, or is this word.
+        runs_lost_part = image.is_torn and not hit.is_whole and axis.plan.motion.waits_for_trigger
+        if words is None or (runs_lost_part and image.completeness is Completeness.PART_REFUSED):
             _refuse_unknown(rewriting, hit)
             continue
         rendering: Rendering | None
@@ -461,7 +465,8 @@ def _pass_raw(rewriting: Rewriting, hit: FieldHit, words: bytes | None) -> None:
         in_drive = words
     elif not access.is_mask:
         in_drive = _merged(image.corrected_words, *written_part(hit, rewriting.request.frame.pdu, access))
-    rewriting.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch))
+    written = mask_written(hit, rewriting.request.frame.pdu, access)
+    rewriting.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch, written))
 
 
 def _is_complete(hit: FieldHit, access: Access) -> bool:
@@ -480,31 +485,33 @@ def _stage(
     rewriting: Rewriting, meaning: Meaning, hit: FieldHit, words: bytes | None
 ) -> list[tuple[FieldHit, bytes]]:
     """Render a staged target as well as it can be foreseen; its trigger computes it anew (M2)."""
-    axis, image = hit.place.axis, hit.place.image
+    axis, image, request = hit.place.axis, hit.place.image, rewriting.request
     assert image is not None
     if words is None:
-        if rewriting.access.is_mask or not rewriting.access.is_consistent:
+        is_refused = image.next_part(request.arrived_ns) is NextPart.REFUSED
+        if rewriting.access.is_mask or is_refused or not rewriting.access.is_consistent:
             _refuse_unknown(rewriting, hit)
         else:  # its trigger is refused until the other parts have come
-            part = part_of(hit, rewriting.request.frame.pdu, rewriting.access)
+            part = part_of(hit, request.frame.pdu, rewriting.access)
             rewriting.of(axis).buffered_parts.append(part)
         return []
+    mask = mask_written(hit, request.frame.pdu, rewriting.access)
     waits_for_other_words = bool(axis.plan.motion.starts_on) and not hit.is_whole
     is_complete = _is_complete(hit, rewriting.access) or axis.writes_words_alone
     if waits_for_other_words or (axis.passes_unchanged and is_complete):
         _pass_raw(rewriting, hit, words)
         return []
     if axis.passes_unchanged:
-        rewriting.of(axis).stagings.append(Staging(image, words, words, image.epoch))
+        rewriting.of(axis).stagings.append(Staging(image, words, words, image.epoch, mask))
         return [(hit, words)]
-    corrected_words = _foreseen(rewriting.request, meaning, hit, words)
+    corrected_words = _foreseen(request, meaning, hit, words)
     in_drive: bytes | None = corrected_words
     if axis.writes_words_alone and not hit.is_whole:
-        first, written = written_part(hit, rewriting.request.frame.pdu, rewriting.access)
+        first, written = written_part(hit, request.frame.pdu, rewriting.access)
         in_drive = _merged(
             image.corrected_words, first, corrected_words[2 * first : 2 * first + len(written)]
         )
-    rewriting.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch))
+    rewriting.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch, mask))
     return [(hit, corrected_words)]
 
 
@@ -577,7 +584,12 @@ def _refuse_unknown(rewriting: Rewriting, hit: FieldHit) -> None:
             f"the counts of a write to {_at(hit)} contradict each other",
         )
     reason = _why_incomplete(hit, rewriting.request)
-    raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, axis.plan.name, reason)
+    raise RefusedRequestError(
+        ExceptionCode.SERVER_DEVICE_FAILURE,
+        axis.plan.name,
+        reason,
+        is_too_early=image.completeness is not Completeness.PART_REFUSED,
+    )
 
 
 def _why_incomplete(hit: FieldHit, request: Request) -> str:

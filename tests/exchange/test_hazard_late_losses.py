@@ -1,6 +1,6 @@
 """A loss that was noted while an older write was on the wire is not healed by its acknowledgement (M3)."""
 
-from gateway.exchange.axis.registers import FieldImage
+from gateway.exchange.axis.registers import FieldImage, Loss
 from gateway.exchange.plan import ControllerPlan, LineTiming
 from tests.exchange.line_bench import COMMAND, MS, Port, write
 from tests.exchange.staged_bench import MODE, RUN_PDU, STOP_PDU, StagedBench, staged_plan, sticky
@@ -58,16 +58,22 @@ def test_m3_a_mode_that_was_withdrawn_is_not_replaced_by_the_one_on_the_wire() -
 def test_m3_a_part_whose_loss_shows_later_than_that_of_a_newer_one_counts_for_nothing() -> None:
     image = FieldImage(COMMAND)
     image.settle(bytes(4), bytes(4))
-    image.lose(1, b"\x00\x02", 100 * MS)  # came later, was refused at once
-    image.lose(1, b"\x00\x01", 90 * MS)  # came first; that nobody answered it is known only now
-    assert image.completed(0, b"\x12\x34", 150 * MS) is None
+    later, sooner = 100 * MS, 90 * MS
+    lose(image, b"\x00\x02", later)  # was withdrawn at once
+    lose(image, b"\x00\x01", sooner)  # that this one was not sent is known only now
+    for follows_ns in (later, sooner):
+        assert image.completed(0, b"\x12\x34", 150 * MS, follows_ns) is None
+
+
+def lose(image: FieldImage, high: bytes, arrived_ns: int) -> None:
+    image.lose(Loss.WITHDRAWN, 1, high, arrived_ns=arrived_ns, follows_ns=0, now_ns=arrived_ns)
 
 
 def test_m1_a_half_that_was_lost_and_given_again_may_wait_for_the_other() -> None:
     image = FieldImage(COMMAND)
-    image.lose(1, b"\x00\x01", 100 * MS)
-    image.buffer(1, b"\x00\x01", 250 * MS)
-    assert image.completed(0, b"\x12\x34", 900 * MS) == bytes.fromhex("1234 0001")
+    lose(image, b"\x00\x01", 100 * MS)
+    image.buffer(1, b"\x00\x01", 250 * MS, 100 * MS)
+    assert image.completed(0, b"\x12\x34", 900 * MS, 700 * MS) == bytes.fromhex("1234 0001")
 
 
 def test_m3_halves_that_came_at_one_instant_are_lost_in_their_order() -> None:

@@ -17,20 +17,54 @@ def standing_at(counts: int, **plan: object) -> Bench:
     return bench
 
 
-def test_a_pair_of_halves_is_judged_by_its_result() -> None:
+def test_a_half_beyond_travel_joins_nothing_and_the_pair_goes_out_when_it_is_written_again() -> None:
     # From 65 530 to 65 540 = 0x0001_0004: the high half alone makes 131 066, outside the travel.
     bench = standing_at(65_530, travel=(0.0, 100.0))
-    assert bench.ask(HIGH_1) == REFUSED
-    assert bench.ask(LOW_4) == LOW_4
+    told = bench.memory.get(COMMAND)
+    assert [bench.ask(half) for half in (HIGH_1, LOW_4)] == [REFUSED, REFUSED]
+    assert bench.memory.get(COMMAND) == told
+    assert bench.ask(HIGH_1) == HIGH_1  # with the low half right before it
     assert bench.memory.get(COMMAND) == 65_550
+    assert bench.ask(LOW_4) == LOW_4
 
 
-def test_an_axis_may_cross_zero_in_halves_although_the_way_there_leaves_its_travel() -> None:
+def test_an_axis_crosses_zero_in_halves_with_the_second_pair_where_the_way_there_leaves_its_travel() -> None:
     bench = standing_at(5_000, travel=(-10.0, 10.0))
     # -5 000 = 0xFFFF_EC78: its low half makes 60 536 of 5 000, the high one alone would make 0xFFFF_1388
-    assert bench.ask(bytes.fromhex("06 0606 EC78")) == REFUSED
-    assert bench.ask(bytes.fromhex("06 0607 FFFF")) == bytes.fromhex("06 0607 FFFF")
+    low, high = bytes.fromhex("06 0606 EC78"), bytes.fromhex("06 0607 FFFF")
+    assert [bench.ask(half) for half in (low, high)] == [REFUSED, REFUSED]
+    bench.wait(1000)
+    assert [bench.ask(half) for half in (low, high)] == [REFUSED, high]
     assert bench.memory.get(COMMAND) == -5_010
+
+
+@pytest.mark.parametrize("between", [read(ACTUAL), bytes.fromhex("03 0700 0001")])
+def test_halves_that_the_gateway_refused_are_not_joined_over_another_request(between: bytes) -> None:
+    bench = standing_at(5_000, travel=(-10.0, 10.0))
+    low, high = bytes.fromhex("06 0606 EC78"), bytes.fromhex("06 0607 FFFF")
+    assert [bench.ask(half) for half in (low, high)] == [REFUSED, REFUSED]
+    bench.wait(1000)
+    assert bench.ask(low) == REFUSED
+    bench.ask(between)
+    assert bench.ask(high) == REFUSED
+    assert bench.ask(low) == low
+    assert bench.memory.get(COMMAND) == -5_010
+
+
+def test_halves_that_the_gateway_refused_are_not_joined_over_two_connections() -> None:
+    bench = Bench(axis_plan(travel=(-10.0, 10.0), has_one_writer=False), serial=False)
+    bench.move(5_000)
+    low, high = bytes.fromhex("06 0606 EC78"), bytes.fromhex("06 0607 FFFF")
+    assert [bench.ask(half) for half in (low, high, low)] == [REFUSED, REFUSED, low]
+    bench.move(5_000)
+    told = bench.memory.get(COMMAND)
+    assert bench.ask(low) == REFUSED
+    other = Port(ControllerPlan("hmi"))
+    bench.send(high, other)
+    bench.serve()
+    assert other.take() == REFUSED
+    assert bench.ask(low) == REFUSED  # the other half that it would join came from somebody else
+    assert bench.memory.get(COMMAND) == told
 
 
 def test_halves_of_different_commands_are_never_joined() -> None:
@@ -47,10 +81,11 @@ def test_halves_of_different_commands_are_never_joined() -> None:
 
 def test_a_refused_pair_leaves_nothing_behind_to_join_the_next_half_with() -> None:
     bench = standing_at(5_000, travel=(-300.0, 10.0))
+    low, high = bytes.fromhex("06 0606 1770"), bytes.fromhex("06 0607 0000")
     for part in ("06 0606 EC78", "06 0607 7FFF"):  # 0x7FFF_EC78 is far outside
         assert bench.ask(bytes.fromhex(part)) == REFUSED
-    assert bench.ask(bytes.fromhex("06 0606 1770")) == REFUSED
-    assert bench.ask(bytes.fromhex("06 0607 0000")) == bytes.fromhex("06 0607 0000")
+    assert bench.ask(low) == REFUSED  # with the high half right before it: 0x7FFF_1770
+    assert [bench.ask(half) for half in (high, low)] == [REFUSED, low]
     assert bench.memory.get(COMMAND) == 6_010
 
 

@@ -88,6 +88,7 @@ NOT_COMPARED: Final = {
     "_arrived_ns": "only keeps the instants of requests apart",
     "_quiet_from_ns": "of a silence before a frame: no world waits for any",
     "_lost_ns": "counts only against requests that came before it: they are compared with it",
+    "_heard_ns": "the same",
     "epoch": "counts only against what was sent before: that is compared with it",
     "blocked_in_epoch": "the same",
     "_at_ns": "of a run of targets, which ends before a state is kept",
@@ -157,10 +158,12 @@ HORIZON_TICKS: Final = {
 """Ages beyond which nothing asks, where that is earlier than the horizon of the world, in its ticks."""
 LIVE_COUNTERS: Final = ("epoch", "blocked_in_epoch")
 """Numbers that only grow. What was sent carries one of its time and is compared with what it is by now."""
-LIVE_INSTANTS: Final = ("_lost_ns",)
+LIVE_INSTANTS: Final = ("_lost_ns", "_heard_ns")
 """The same for instants; what carries them is called as follows."""
 CARRIED_INSTANT: Final = "arrived_ns"
 CARRIED_COUNTERS: Final = ("epoch", "epochs")
+SAME_INSTANTS: Final = ("newest_ns", "follows_ns")
+"""Instants that are only asked whether they are one of the live ones: nothing came in between."""
 SAME: Final = (("state.spec", "_wanted"),)
 """Attributes of an object of which it counts whether they are one and the same object."""
 BY_VALUE: Final[dict[str, Callable[[Any], object]]] = {
@@ -254,6 +257,7 @@ class Shape:
         self.derived = {i: DERIVED[n] for i, n in enumerate(self.names) if n in DERIVED}
         self.needs = {i: NEEDS[n] for i, n in enumerate(self.names) if n in NEEDS}
         self.live = tuple(i for i, name in enumerate(self.names) if name in LIVE_COUNTERS)
+        self.same_instants = {i for i, name in enumerate(self.names) if name in SAME_INSTANTS}
         self.live_ns = tuple(i for i, name in enumerate(self.names) if name in LIVE_INSTANTS)
         self.has_plan = "plan" in found and hasattr(example.plan, "settings")  # type: ignore[attr-defined]
         if self.has_plan:
@@ -465,6 +469,9 @@ class Lens:
             if needs and at in needs and not needs[at](each):
                 found.append(None)
                 continue
+            if at in shape.same_instants:
+                found.append(self._same_instant(value))
+                continue
             if at in shape.derived:
                 value = shape.derived[at](each)
             how = kinds[type(value)]
@@ -528,6 +535,7 @@ class Lens:
         self.met.update(names)
         special = dict.fromkeys(CARRIED_COUNTERS, self._carried_counter)
         special[CARRIED_INSTANT] = self._carried_instant
+        special |= dict.fromkeys(SAME_INSTANTS, self._same_instant)
         hows = tuple(special.get(name) for name in names)
         kept = tuple(i for i, name in enumerate(names) if name not in NOT_COMPARED or hows[i])
         is_tuple = issubclass(kind, tuple)
@@ -609,6 +617,8 @@ class Lens:
                 found.append(self._carried_counter(value))
             elif name == CARRIED_INSTANT:
                 found.append(self._carried_instant(value))
+            elif name in SAME_INSTANTS:
+                found.append(self._same_instant(value))
             elif name in HORIZON_TICKS:
                 self._horizon = HORIZON_TICKS[name] * self._tick
                 found.append(self._of(value))
@@ -641,13 +651,17 @@ class Lens:
         return tuple((value > live) - (value < live) for live in self._live)
 
     def _carried_instant(self, value: int) -> Any:
+        lost = self._live_instants()
+        return (self._number(value), tuple((value > each) - (value < each) for each in lost))
+
+    def _same_instant(self, value: int) -> Any:
+        return tuple(value == each != 0 for each in self._live_instants())
+
+    def _live_instants(self) -> list[int]:
         self._is_timed = True
         if not self._live_ns:
             self._live_ns = [self._last[i][at] for i, at in self._live_ns_places]
-        return (
-            self._number(value),
-            tuple((value > lost) - (value < lost) for lost in self._live_ns if lost is not None),
-        )
+        return [each for each in self._live_ns if each is not None]
 
 
 # --- what is said of a line ---------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from gateway.compensation.moves import SteadyMove
 from gateway.compiled import mypyc_attr
 from gateway.counts import Counts
 from gateway.drives.motion import Action
-from gateway.exchange.axis.registers import FieldImage
+from gateway.exchange.axis.registers import ALL_WORDS, FieldImage
 from gateway.exchange.axis.state import Rendering
 
 
@@ -182,6 +182,8 @@ class Staging(NamedTuple):
     """None: what the drive holds is not known."""
     epoch: int
     """Of the field, when it was sent."""
+    written: int = ALL_WORDS
+    """Mask of the words that the controller wrote."""
 
 
 @mypyc_attr(free_list_len=1)  # as of the moves in them
@@ -214,6 +216,7 @@ class Part(NamedTuple):
     first: int
     """Its first word; -1: all of it, or in a way that leaves nothing of it certain."""
     words: bytes
+    """Empty where a mask changes one word."""
 
 
 class AxisRequest:
@@ -225,18 +228,31 @@ class AxisRequest:
         "buffered_parts",
         "command",
         "epochs",
+        "follows_ns",
         "goes_unknown",
         "is_uncorrected",
         "parts",
+        "reads_too",
         "remaps",
         "runs",
         "stagings",
         "targets",
     )
 
-    def __init__(self, arrived_ns: int, command: Command | None = None) -> None:
+    def __init__(
+        self,
+        arrived_ns: int,
+        command: Command | None = None,
+        *,
+        follows_ns: int = 0,
+        reads_too: bool = False,
+    ) -> None:
         self.arrived_ns = arrived_ns
         """When it came from its controller; no two requests of a line came at the same instant."""
+        self.follows_ns = follows_ns
+        """When the request before it came on the same connection."""
+        self.reads_too = reads_too
+        """It reads in the same frame (FC23): an exception may be one of the reading."""
         self.command = command
         self.targets: list[Rendering] = []
         """Targets that the drive goes to with this request."""

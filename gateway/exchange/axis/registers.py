@@ -5,9 +5,9 @@ there, and the *corrected words*, which the drive acknowledged. Of mode and trig
 :class:`RuleImage`: what they hold, which of them were lost, and which command field was written last.
 
 A write that was lost on the way (refused, withdrawn, unanswered) leaves a field *torn*: the controller may
-believe in that write or not, so no part of a position may be combined with what stood there before. Parts
-that come within :data:`JOIN_NS` of each other belong to one command: once they are all there, the position
-is known again and is judged as a whole (M1, M3).
+believe in that write or not, so no part of a position may be combined with what stood there before. What a
+lost part makes of its field is :data:`COMPLETENESS_AFTER`, what becomes of the next part :data:`NEXT_PART`
+(M1, M3).
 
 Only ``transitions`` changes an image.
 """
@@ -20,6 +20,8 @@ from gateway.modbus.registers import PositionField
 
 JOIN_NS: Final = 200_000_000
 """Masters that write a position word by word do so 20 to 50 ms apart; the next command comes later."""
+ALL_WORDS: Final = -1
+"""As a mask of words: every word of a field."""
 
 
 class Completeness(Enum):
@@ -27,6 +29,9 @@ class Completeness(Enum):
 
     WHOLE = "whole"
     """No write was lost since the drive acknowledged a whole position."""
+    PART_REFUSED = "part-refused"
+    """The drive refused a part and proved that it wrote nothing. What it holds is known, but no trigger runs
+    it before every word was acknowledged anew, or one frame wrote them all."""
     TORN = "torn"
     """A write was lost: every word has to come again."""
     PARTS_LOST = "parts-lost"
@@ -35,24 +40,87 @@ class Completeness(Enum):
     """Since then some words came which the drive acknowledged: the others need not hurry."""
 
 
+class Loss(Enum):
+    """How a part of a position was lost."""
+
+    REFUSED_UNWRITTEN = "refused-unwritten"
+    """The drive refused it, with an exception that proves that nothing was written."""
+    REFUSED = "refused"
+    """The drive refused it and may have written it, or did not answer."""
+    DENIED = "denied"
+    """The gateway refused it: rights, another writer, travel, lateness, a line that is down."""
+    TOO_EARLY = "too-early"
+    """The gateway refused it because its field was torn, and the drive would have moved with it."""
+    WITHDRAWN = "withdrawn"
+    """It was not sent, and its controller was not told so: that has gone on."""
+
+
+COMPLETENESS_AFTER: Final[dict[tuple[Completeness, Loss], Completeness]] = {
+    **{(state, Loss.REFUSED_UNWRITTEN): Completeness.TORN for state in Completeness},
+    (Completeness.WHOLE, Loss.REFUSED_UNWRITTEN): Completeness.PART_REFUSED,
+    (Completeness.PART_REFUSED, Loss.REFUSED_UNWRITTEN): Completeness.PART_REFUSED,
+    **{(state, Loss.REFUSED): Completeness.TORN for state in Completeness},
+    **{(state, Loss.DENIED): Completeness.TORN for state in Completeness},
+    **{(state, Loss.TOO_EARLY): Completeness.PARTS_LOST for state in Completeness},
+    **{(state, Loss.WITHDRAWN): Completeness.PARTS_LOST for state in Completeness},
+}
+"""What the loss of a part makes of its field. A part that was answered with an exception joins no other one,
+unless the gateway refused it only because the others were missing."""
+
+
+class NextPart(Enum):
+    """What becomes of the next part of a position."""
+
+    COMPLETED = "completed"
+    """The rest of it is what the drive holds."""
+    JOINED = "joined"
+    """The rest of it are the parts that came before; where they do not make a whole, it is as in TORN."""
+    AS_IT_CAME = "as-it-came"
+    """It goes out as it came: the drive only holds it, and its trigger is refused until the others came."""
+    REFUSED = "refused"
+    """Exception 4."""
+
+
+NEXT_PART: Final[dict[tuple[Completeness, bool, bool], NextPart]] = {
+    **{
+        (state, waits, heard): found
+        for waits in (True, False)
+        for heard in (True, False)
+        for state, found in (
+            (Completeness.WHOLE, NextPart.COMPLETED),
+            (Completeness.PART_REFUSED, NextPart.COMPLETED if heard else NextPart.REFUSED),
+            (Completeness.TORN, NextPart.AS_IT_CAME if waits else NextPart.REFUSED),
+            (Completeness.PARTS_LOST, NextPart.JOINED),
+            (Completeness.PARTS_BUFFERED, NextPart.JOINED),
+        )
+    }
+}
+"""By field, whether its drive waits for a trigger, and whether the controller may have heard of the last
+refusal when it wrote the part: one that it had pipelined belongs to the command that was refused."""
+
+
 class FieldImage:
     """Words of one command field or limit, in the order of its registers."""
 
     __slots__ = (
         "_all_words",
+        "_heard_ns",
         "_lost_ns",
         "_missing",
         "_parts",
         "_restaged",
         "_since_ns",
         "_there",
+        "_waits",
         "completeness",
         "epoch",
         "may_be_corrected",
         "nominal_words",
     )
 
-    def __init__(self, field: PositionField) -> None:
+    def __init__(self, field: PositionField, *, waits: bool = False) -> None:
+        self._waits = waits
+        """Whether the drive holds a position until a trigger runs it."""
         self.nominal_words: bytes | None = None
         """What the controller believes the drive holds; None: not known."""
         self._there: tuple[bytes | None, ...] = ()
@@ -62,6 +130,8 @@ class FieldImage:
         self._all_words = (1 << field.words) - 1
         self._parts = bytearray(2 * field.words)
         """The words that came since a write was lost; which of them still miss is a bit in ``_missing``."""
+        self._heard_ns = 0
+        """When the controller was told of a part that the drive refused."""
         self._missing = self._all_words
         self._since_ns = 0
         self._restaged: dict[int, bytes] = {}
@@ -80,24 +150,36 @@ class FieldImage:
 
     @property
     def is_torn(self) -> bool:
-        """Whether a write was lost and no whole position has been acknowledged since."""
+        """Whether a write was lost and not every word has been acknowledged anew since."""
         return self.completeness is not Completeness.WHOLE
 
-    def settle(self, nominal_words: bytes, corrected_words: bytes | None, epoch: int | None = None) -> None:
+    def settle(
+        self,
+        nominal_words: bytes,
+        corrected_words: bytes | None,
+        epoch: int | None = None,
+        written: int = ALL_WORDS,
+    ) -> None:
         """Note that the drive holds these words.
 
         Args:
             nominal_words: what the controller wrote.
             corrected_words: what the drive was told; None: that is not known.
             epoch: of the field, when they were sent; None: nothing has been lost since.
+            written: mask of the words that the controller wrote with that; the others it left as they were.
         """
         self.nominal_words = nominal_words
         self._there = () if corrected_words is None else (corrected_words,)
         if self._restaged:
             self._restaged.clear()
         self.may_be_corrected = corrected_words != nominal_words
-        if epoch is None or epoch == self.epoch:
-            self.completeness = Completeness.WHOLE
+        if epoch is not None and epoch != self.epoch:
+            return
+        if self.completeness is Completeness.PART_REFUSED:
+            self._missing &= ~written
+            if self._missing:
+                return
+        self.completeness = Completeness.WHOLE
 
     def leave(self, nominal_words: bytes, corrected_words: bytes | None) -> None:
         """Note that these words were sent, and that nobody knows whether the drive holds them."""
@@ -145,7 +227,7 @@ class FieldImage:
                 return
             there = b"".join([self._restaged[word] for word in range(count)])
         merged = there[: 2 * first] + words + there[2 * first + len(words) :]
-        self.settle(nominal_words, merged, epoch)
+        self.settle(nominal_words, merged, epoch, written=0)
 
     def tear(self, arrived_ns: int = 0) -> None:
         """Note that a whole write was lost, and when it had come: every word has to come again."""
@@ -154,47 +236,83 @@ class FieldImage:
         self.completeness = Completeness.TORN
         self._missing = self._all_words
 
-    def completed(self, first: int, words: bytes, arrived_ns: int) -> bytes | None:
-        """Return the whole position once ``words`` are written from word ``first`` on; None if not known."""
-        if self.completeness is Completeness.WHOLE:
-            base = self.nominal_words
-        elif self._are_joined(arrived_ns) and not self._missing & ~_mask(first, words):
-            base = bytes(self._parts)
-        else:
-            base = None
+    def next_part(self, arrived_ns: int) -> NextPart:
+        """Return what becomes of a part that came then."""
+        return NEXT_PART[self.completeness, self._waits, arrived_ns >= self._heard_ns]
+
+    def base(self, arrived_ns: int) -> bytes | None:
+        """Return the words that a part which came then leaves as they are; None: not known."""
+        return self.nominal_words if self.next_part(arrived_ns) is NextPart.COMPLETED else None
+
+    def completed(self, first: int, words: bytes, arrived_ns: int, follows_ns: int) -> bytes | None:
+        """Return the whole position once ``words`` are written from word ``first`` on; None if not known.
+
+        ``follows_ns``: when the request before it came on the same connection.
+        """
+        base = self.base(arrived_ns)
+        if self.next_part(arrived_ns) is NextPart.JOINED and self._are_joined(arrived_ns, follows_ns):
+            base = None if self._missing & ~_mask(first, words) else bytes(self._parts)
         if base is None:
             return None
         return base[: 2 * first] + words + base[2 * first + len(words) :]
 
-    def _are_joined(self, arrived_ns: int) -> bool:
-        return self.completeness is Completeness.PARTS_BUFFERED or arrived_ns - self._since_ns <= JOIN_NS
+    def _are_joined(self, arrived_ns: int, follows_ns: int) -> bool:
+        """Whether a part belongs to those that came before it.
 
-    def buffer(self, first: int, words: bytes, arrived_ns: int) -> None:
+        Those that never reached the drive belong to one command only where nothing came between them.
+        """
+        if self.completeness is Completeness.PARTS_BUFFERED:
+            return True
+        return follows_ns == self._lost_ns and arrived_ns - self._since_ns <= JOIN_NS
+
+    def buffer(self, first: int, words: bytes, arrived_ns: int, follows_ns: int) -> None:
         """Note a part that the drive acknowledged as it came, while the other parts are not known."""
         self.doubt()
         covers_all = not self._all_words & ~self._missing & ~_mask(first, words)
-        is_new = not self.is_torn or covers_all or not self._are_joined(arrived_ns)
+        is_new = not self.is_torn or covers_all or not self._are_joined(arrived_ns, follows_ns)
         stays_buffered = is_new or self.completeness is Completeness.PARTS_BUFFERED
         if is_new:
             self.tear()
-        self.lose(first, words, arrived_ns)
+        self._keep_part(first, words, arrived_ns, follows_ns)
         if stays_buffered and self.completeness is Completeness.PARTS_LOST:
             self.completeness = Completeness.PARTS_BUFFERED
 
-    def lose(self, first: int, words: bytes, arrived_ns: int) -> None:
-        """Note a part that never reached the drive; it counts when the other parts follow soon.
+    def lose(
+        self, loss: Loss, first: int, words: bytes, *, arrived_ns: int, follows_ns: int, now_ns: int
+    ) -> None:
+        """Note how a part was lost.
 
-        ``arrived_ns`` is when it came from its controller: of a loss that shows later than that of a newer
-        write nothing counts.
+        Args:
+            loss: how.
+            first: its first word.
+            words: the words; empty where they are a mask over one that is known.
+            arrived_ns: when it came from its controller: of a loss that shows later than that of a newer
+                write nothing counts.
+            follows_ns: when the request before it came on the same connection.
+            now_ns: when its controller is told.
         """
+        after = COMPLETENESS_AFTER[self.completeness, loss]
+        if after is Completeness.PART_REFUSED and self.nominal_words is None:
+            after = Completeness.TORN  # nothing is there that the next part could be completed from
+        if after is Completeness.PARTS_LOST and words:
+            self._keep_part(first, words, arrived_ns, follows_ns)
+        elif after is Completeness.PART_REFUSED:
+            self._lost_ns = max(self._lost_ns, arrived_ns)
+            self.epoch += 1
+            self.completeness, self._missing, self._heard_ns = after, self._all_words, now_ns
+        else:
+            self.tear(arrived_ns)
+
+    def _keep_part(self, first: int, words: bytes, arrived_ns: int, follows_ns: int) -> None:
+        """Keep a part for the others that follow."""
         if arrived_ns < self._lost_ns:
             self.tear()
             return
-        self._lost_ns = arrived_ns
-        is_first = self.completeness in (Completeness.WHOLE, Completeness.TORN)
-        if is_first or not self._are_joined(arrived_ns):
+        is_kept = self.completeness in (Completeness.PARTS_LOST, Completeness.PARTS_BUFFERED)
+        if not (is_kept and self._are_joined(arrived_ns, follows_ns)):
             self.tear()
             self._since_ns = arrived_ns
+        self._lost_ns = arrived_ns
         self.epoch += 1
         self.completeness = Completeness.PARTS_LOST
         self._parts[2 * first : 2 * first + len(words)] = words
@@ -204,7 +322,12 @@ class FieldImage:
 
 
 def _mask(first: int, words: bytes) -> int:
-    return ((1 << len(words) // 2) - 1) << first
+    return mask_of(first, len(words) // 2)
+
+
+def mask_of(first: int, count: int) -> int:
+    """Return the mask of so many words from word ``first`` on."""
+    return ((1 << count) - 1) << first
 
 
 class RuleImage:

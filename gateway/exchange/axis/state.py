@@ -55,6 +55,13 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 REFERENCE_FRESH_NS: Final = NS_PER_S
 """A homed bit that was seen longer ago is read again before a target."""
+_SAYS_NOTHING_WRITTEN: Final = frozenset(
+    {
+        ExceptionCode.ILLEGAL_DATA_ADDRESS,
+        ExceptionCode.ILLEGAL_DATA_VALUE,
+        ExceptionCode.SERVER_DEVICE_FAILURE,
+    }
+)
 HOMING_SETTLE_NS: Final = 100 * NS_PER_MS
 """A bit that is still set so soon after a homing command may be that of the homing before."""
 
@@ -346,7 +353,7 @@ class AxisState:
         self.has_branches = False
         """Whether the direction of travel makes a difference to the correction."""
         # --- what the drive holds
-        self.fields = [FieldImage(each) for each in plan.command]
+        self.fields = [FieldImage(each, waits=plan.motion.waits_for_trigger) for each in plan.command]
         self.limit_fields = [FieldImage(each) for each in plan.limits]
         self.rules = RuleImage(plan.motion)
         self.block = Block.NONE
@@ -527,12 +534,17 @@ class AxisState:
         """Whether the drive takes single registers only: a word is sent as it is written."""
         return self.plan.writes_with is Form.FC06
 
-    def writes_nothing(self, code: int) -> bool:
+    def writes_nothing(self, code: int, *, reads_too: bool) -> bool:
         """Whether an exception to a write proves that nothing was written (M7).
 
-        A function code that a drive does not know it cannot have carried out.
+        A function code that a drive does not know it cannot have carried out. What is wrong with an address,
+        a value or the drive itself (2 to 4) proves it where the register map says so; not of a frame that
+        reads too, whose reading may have been refused after the writing. Busy, acknowledge and the codes of
+        gateways never prove it.
         """
-        return self.plan.exception_writes_nothing or code == ExceptionCode.ILLEGAL_FUNCTION
+        if code == ExceptionCode.ILLEGAL_FUNCTION:
+            return True
+        return code in _SAYS_NOTHING_WRITTEN and self.plan.exception_writes_nothing and not reads_too
 
     @property
     def retained_target(self) -> Retained | None:

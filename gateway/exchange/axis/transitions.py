@@ -42,6 +42,7 @@ from gateway.exchange.axis.record import (
     state_of,
 )
 from gateway.exchange.axis.record_layout import Remembered, RememberedMove
+from gateway.exchange.axis.registers import Loss
 from gateway.exchange.axis.state import (
     AT_REST,
     HOMING,
@@ -796,10 +797,10 @@ class Axis(AxisState):
 
     def _obeyed(self, request: AxisRequest, now_ns: int) -> None:
         """The drive acknowledged a request in full (M7)."""
-        for image, nominal_words, corrected_words, epoch in request.stagings:
-            image.settle(nominal_words, corrected_words, epoch)
+        for image, nominal_words, corrected_words, epoch, written in request.stagings:
+            image.settle(nominal_words, corrected_words, epoch, written)
         for part in request.buffered_parts:
-            part.image.buffer(part.first, part.words, request.arrived_ns)
+            part.image.buffer(part.first, part.words, request.arrived_ns, request.follows_ns)
         for rendering in (*request.targets, *request.runs):
             self.acknowledge(rendering, now_ns, request.epochs.get(rendering.number))
             self.tell_beginning()
@@ -837,7 +838,7 @@ class Axis(AxisState):
         """A request went out and was not acknowledged; what a refusal proves, the register map says (M7)."""
         is_broadcast = outcome is Outcome.BROADCAST
         is_refusal = outcome is Outcome.EXCEPTION
-        is_undone = is_refusal and self.writes_nothing(code)
+        is_undone = is_refusal and self.writes_nothing(code, reads_too=request.reads_too)
         if not is_undone:
             for rendering in request.targets:
                 self.leave_unproven(rendering, now_ns)
@@ -845,11 +846,12 @@ class Axis(AxisState):
                 self.leave_run_unproven(rendering, now_ns)
             for part in request.buffered_parts:
                 part.image.doubt()
+            for staging in request.stagings:
+                staging.image.leave(staging.nominal_words, staging.corrected_words)
+                staging.image.forget()
         if not is_broadcast:
-            self._lose(request.parts, request.arrived_ns)
-        for image, nominal_words, corrected_words, _ in request.stagings:
-            image.leave(nominal_words, corrected_words)
-            image.forget()
+            loss = Loss.REFUSED_UNWRITTEN if is_undone else Loss.REFUSED
+            self._lose(request.parts, loss, request.arrived_ns, request.follows_ns, now_ns)
         self._write_blindly(request, now_ns)
         if request.goes_unknown and not is_undone:
             self._go_unknown(request, now_ns)
@@ -883,20 +885,27 @@ class Axis(AxisState):
                 image.tear(request.arrived_ns)
 
     def lose_request(
-        self, parts: Sequence[Part], command: Command | None, code: int, arrived_ns: int
+        self,
+        parts: Sequence[Part],
+        command: Command | None,
+        code: int,
+        loss: Loss,
+        *,
+        arrived_ns: int,
+        follows_ns: int,
     ) -> None:
         """A request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
-        self._lose(parts, arrived_ns)
+        self._lose(parts, loss, arrived_ns, follows_ns, arrived_ns)
         if command is not None:
             self._block_for(command, code)
 
     @staticmethod
-    def _lose(parts: Sequence[Part], arrived_ns: int) -> None:
+    def _lose(parts: Sequence[Part], loss: Loss, arrived_ns: int, follows_ns: int, now_ns: int) -> None:
         for image, first, words in parts:
             if first < 0:
                 image.tear(arrived_ns)
             else:
-                image.lose(first, words, arrived_ns)
+                image.lose(loss, first, words, arrived_ns=arrived_ns, follows_ns=follows_ns, now_ns=now_ns)
 
     def _move_otherwise(self, action: Action, now_ns: int, *, is_certain: bool) -> None:
         """Something else than a target moves the axis, or stops it, or moves its zero."""
