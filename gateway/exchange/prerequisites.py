@@ -56,7 +56,7 @@ def next_frame(request: Request) -> AddedFrame | None:
         added = None
         if meaning.runs_alone:
             added = _prepare_run(request, meaning)
-        elif meaning.action is Action.UNKNOWN and not meaning.commands:
+        elif meaning.action is Action.UNKNOWN and meaning.number not in meaning.written:
             added = _prepare_unknown(meaning)
         if added is not None:
             return added
@@ -187,12 +187,15 @@ def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
 def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
     """Give the drive the words that the controller wrote before something runs that nobody knows (M2).
 
-    Where the mode itself is not known what the drive keeps may be a target of the gateway before this one.
+    What it keeps under a number that was not written through the gateway may be a target of the gateway
+    before this one, or of another master: a stored move, whatever kind of move it is (M9).
     """
     axis = meaning.axis
     check_may_act(meaning)
-    if _is_mode_untold(meaning):
+    if meaning.number is not None:
         _staged_words(meaning)
+    elif meaning.commands:
+        return None
     number = axis.rules.staged if meaning.number is None else meaning.number
     if number is None:
         return None
@@ -204,15 +207,6 @@ def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
             return None
         raise _not_ours(axis)
     return _restage(axis, as_it_came(axis, number))
-
-
-def _is_mode_untold(meaning: Meaning) -> bool:
-    """Whether nobody knows what the mode register of the target that runs holds."""
-    motion = meaning.axis.plan.motion
-    mode = None if meaning.number is None else motion.mode(meaning.number)
-    if mode is None or mode.address in meaning.words:
-        return False
-    return meaning.axis.rules.word(mode.address) is None
 
 
 def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:

@@ -135,7 +135,7 @@ class Command:
         self.action = action
         """IGNORE where nothing moves; never START: that is what the mode makes of it."""
         self.number = number
-        """The command field that runs, of an action that runs a target."""
+        """The command field that runs, of an action that runs a target; also where nobody knows its mode."""
         self.words = words
         """Mode and trigger registers, as the request leaves them."""
         self.coils = coils
@@ -166,6 +166,13 @@ class Command:
     def runs_alone(self) -> bool:
         """Whether it runs a target that was written before."""
         return self.action.runs_target and self.number not in self.written
+
+    @property
+    def runs_stored(self) -> bool:
+        """Whether it runs what the drive keeps, in a way that nobody knows."""
+        return self.action is Action.STORED or (
+            self.action is Action.UNKNOWN and self.number is not None and self.number not in self.written
+        )
 
     @property
     def writes_mode(self) -> bool:

@@ -824,6 +824,8 @@ class Axis(AxisState):
                 rules.note_words({mode.address: mode.resets_to}, command.epoch)
         if action in MOVES_OTHERWISE:
             self._move_otherwise(action, now_ns, is_certain=True)
+            if command.runs_stored and not self.passes_unchanged:
+                self.compensation.doubt()  # with words that nobody corrected for it
             if command.sets_position_too:
                 self._move_otherwise(Action.SET_POSITION, now_ns, is_certain=True)
         elif command.is_doubtful:
@@ -863,6 +865,8 @@ class Axis(AxisState):
             self.rules.doubt({**command.words, **unclear}, dict(command.coils))
             if command.action in MOVES_OTHERWISE:
                 self._move_otherwise(command.action, now_ns, is_certain=False)
+                if command.runs_stored and not self.passes_unchanged:
+                    self.compensation.doubt()
                 if command.sets_position_too:
                     self._move_otherwise(Action.SET_POSITION, now_ns, is_certain=False)
             elif command.runs_alone and not request.is_run_known:
