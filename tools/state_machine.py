@@ -108,7 +108,7 @@ WHEREABOUTS_LAYOUT: Final = Layout(
         ("group targeted", "retained"): Route(((600, 520), (600, 692)), (606, 660)),
         ("group targeted", "stopped"): Route(((760, 520), (760, 592)), (766, 560)),
         ("out-of-reach", "retained"): Route(((400, 632), (400, 712), (530, 712)), (394, 690), "end"),
-        ("out-of-reach", "unknown"): Route(((330, 612), (260, 612)), (295, 605), "middle"),
+        ("out-of-reach", "unknown"): Route(((330, 612), (260, 612)), (295, 578), "middle", is_stacked=True),
         ("retained", "unknown"): Route(
             ((600, 732), (600, 750), (190, 750), (190, 632)), (395, 743), "middle"
         ),

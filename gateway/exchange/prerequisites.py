@@ -131,10 +131,13 @@ def _read_for_run(
     request: Request, axis: Axis, number: int, words: bytes, action: Action
 ) -> AddedFrame | None:
     """Return what must be read before a whole target can be rendered."""
-    if not action.is_relative and axis.retained_as(number, words) is not None:
-        return None  # it keeps its words, wherever the axis is
     known = request.known
     actual = axis.asked_actual
+    if not action.is_relative and axis.retained_as(number, words) is not None:
+        is_seen = axis.is_seen_at_retained and not axis.is_unseen(request.now_ns)
+        if is_seen or actual is None or axis.plan.name in known.actual:
+            return None
+        return AddedFrame(axis, Purpose.LOOK, actual.address, actual.words)
     if actual is not None and axis.plan.name not in known.actual and needs_look(axis, request.now_ns, action):
         return AddedFrame(
             axis, Purpose.LOOK, actual.address, actual.words, is_for_distance=action.is_relative
@@ -169,7 +172,7 @@ def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
         if words is None:
             return None
         assert meaning.number is not None
-        if not axis.passes_unchanged:
+        if not axis.passes_unchanged or axis.retained_as(meaning.number, words) is not None:
             added = _read_for_run(request, axis, meaning.number, words, meaning.action)
             if added is not None:
                 return added

@@ -17,11 +17,13 @@ from gateway.compensation.moves import Accepted, Move, Place, PlaceKind
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.drives.motion import Action
-from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, Rendering, Retained, Whereabouts
+from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, Keeping, Rendering, Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of, steps_of
+from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.request import Known, Standing
 from gateway.modbus.errors import RegisterRangeError
+from gateway.modbus.pdu import ExceptionCode
 from gateway.times import NS_PER_MS, NS_PER_S
 
 
@@ -91,9 +93,16 @@ def render(
     if needs_offset(axis):
         axis.begin_stream(number, nominal_words, seen.fresh, seen.now_ns)
         is_passing = axis.passes_unchanged
-    retained = axis.retained_as(number, nominal_words)
-    if retained is not None:
-        return _again(axis, retained)
+    keeping = axis.keeping(number, nominal_words)
+    if keeping is Keeping.SAME_WORDS:
+        return _again(axis)
+    if keeping is Keeping.UNSEEN:
+        raise RefusedRequestError(
+            ExceptionCode.SERVER_DEVICE_BUSY,
+            axis.plan.name,
+            "its drive was out of reach or lost its reference, and nothing tells whether it stands at this "
+            "target: read its actual position, or command another target",
+        )
     if not isfinite(raw):
         if is_passing:
             return Rendering(number, nominal_words, nominal_words, 0.0, None)
@@ -227,17 +236,19 @@ def nominal_limit(axis: Axis, number: int, words: bytes) -> bytes:
     return field_.pack(raw - steps_of(field_, correction * axis.plan.settings.counts_per_unit))
 
 
-def _again(axis: Axis, retained: Retained) -> Rendering:
-    """Return the same words as before the reference changed: they move nothing of an axis that stands there.
+def _again(axis: Axis) -> Rendering:
+    """Return the same words as before a loss: they move nothing of an axis that stands there.
 
-    One that was switched off and homed meanwhile goes there anew, so that its readings have to be turned back
-    as they were then; and nobody knows from which side it comes. Without a reference they mean nothing.
+    One whose reference went and came is referenced anew, so that nobody knows from which side it stands
+    there; nor of one that nobody has seen since. Without a reference its words mean nothing.
     """
-    number, nominal_words, corrected_words, corrected_counts, move = retained
+    assert axis.retained is not None
+    number, nominal_words, corrected_words, corrected_counts, move, _, _ = axis.retained
     if not axis.is_referenced:
         return Rendering(number, nominal_words, corrected_words, 0.0, None)
-    again = move._replace(state=move.state._replace(is_unsure=True))
-    return Rendering(number, nominal_words, corrected_words, corrected_counts, again)
+    if axis.whereabouts is Whereabouts.RETAINED or not axis.is_seen_at_retained:
+        move = move._replace(state=move.state._replace(is_unsure=True))
+    return Rendering(number, nominal_words, corrected_words, corrected_counts, move)
 
 
 def _is_unproven(unproven: Rendering, number: int, nominal_words: bytes) -> bool:
@@ -270,6 +281,9 @@ def _plan_move(axis: Axis, nominal_counts: Counts, seen: Seen, place: Place | No
     if place is None and accepted is not None and not axis.plan.actual and "done" not in axis.plan.bits:
         # Nothing tells where this axis is; the order of its targets is the best there is, and flagged.
         place = Place(accepted.nominal_counts, PlaceKind.ASSUMED)
+    if place is None and axis.retained is not None:
+        # Where nobody could look, its target of before the loss is the best there is, and flagged.
+        place, is_doubtful = Place(axis.retained.corrected_counts, PlaceKind.ON_DRIVE), True
     move = compensation.plan(nominal_counts, place, now_ns)
     return move._replace(state=move.state._replace(is_unsure=True)) if is_doubtful else move
 

@@ -13,7 +13,7 @@ from gateway.drives.motion import Action, Form
 from gateway.exchange.access import MEI_HEAD, Access, swapped
 from gateway.exchange.axis.events import Outcome, Staging
 from gateway.exchange.axis.registers import Completeness, NextPart
-from gateway.exchange.axis.state import Rendering
+from gateway.exchange.axis.state import Keeping, Rendering
 from gateway.exchange.axis.transitions import MOVES_OTHERWISE, Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.meaning import Meaning
@@ -496,15 +496,16 @@ def _stage(
             rewriting.of(axis).buffered_parts.append(part)
         return []
     mask = mask_written(hit, request.frame.pdu, rewriting.access)
+    kept = axis.retained if axis.keeping(hit.place.number, words) is Keeping.SAME_WORDS else None
     waits_for_other_words = bool(axis.plan.motion.starts_on) and not hit.is_whole
     is_complete = _is_complete(hit, rewriting.access) or axis.writes_words_alone
-    if waits_for_other_words or (axis.passes_unchanged and is_complete):
+    if waits_for_other_words or (axis.passes_unchanged and is_complete and kept is None):
         _pass_raw(rewriting, hit, words)
         return []
-    if axis.passes_unchanged:
+    if axis.passes_unchanged and kept is None:
         rewriting.of(axis).stagings.append(Staging(image, words, words, image.epoch, mask))
         return [(hit, words)]
-    corrected_words = _foreseen(request, meaning, hit, words)
+    corrected_words = _foreseen(request, meaning, hit, words) if kept is None else kept.corrected_words
     in_drive: bytes | None = corrected_words
     if axis.writes_words_alone and not hit.is_whole:
         first, written = written_part(hit, request.frame.pdu, rewriting.access)
@@ -521,6 +522,8 @@ def _foreseen(request: Request, meaning: Meaning, hit: FieldHit, words: bytes) -
     now = Seen(request.now_ns, None)
     if image.nominal_words == words and image.corrected_words is not None and not image.is_torn:
         return image.corrected_words
+    if axis.keeping(number, words) is Keeping.UNSEEN:
+        return words  # its trigger is refused until a reading tells what it is
     action, is_certain = _expected(meaning, number)
     try:
         if action.is_relative:

@@ -72,7 +72,7 @@ done-alone          . . . . r . A A . . . . .
 fell                . . . . . . . . L . L . L
 there               . . . . . . t t A . . . A
 near                . . . . . . . . . w a . .
-away                . . . . . . . . ? ? ? ? ?
+away                . . ? ? . . . . ? ? ? ? ?
 """
 """By hand, from M4 to M6 and M9: a letter is where the axis is then, a dot where nothing changes."""
 

@@ -6,6 +6,8 @@ counts 1000 per mm on the table ``tests.verify.screw.WORN``.
 
 from dataclasses import replace
 
+import pytest
+
 from gateway.drives.motion import Action, ModePlan, MotionPlan
 from gateway.exchange.status import direction_state
 from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, Bench, axis_plan, read, write
@@ -244,6 +246,7 @@ def test_a_record_counts_at_the_second_kill_as_at_the_first() -> None:
         assert world.said(0).direction == "forward"
 
 
+STATUS = ("ask", 0, "status", 0)
 REBOOT = ("reboot", 0)
 HOMED = ("homed", 0)
 
@@ -275,8 +278,8 @@ def test_a_target_written_anew_that_nobody_acknowledged_does_not_run_without_a_r
     assert on_the_wire(world) == bytes.fromhex("06 050E 0001")
 
 
-def test_the_repeat_of_a_target_of_before_reads_as_it_was_told_after_a_homing_that_nobody_saw() -> None:
-    """M4, M9: its words are those of before, so its reading is; flagged, for it may come from anywhere."""
+def _run_again_over_a_homing() -> World:
+    """A staged 9007 runs, forward to 9172; the drive is switched off and homed, and 9007 runs once more."""
     again = (
         to(0),  # 10 0606 0002 04 232F 0000: 9007
         ACK,  # 03 005C 0001 -> 0110: homed
@@ -291,18 +294,19 @@ def test_the_repeat_of_a_target_of_before_reads_as_it_was_told_after_a_homing_th
         ACK,  # 10 0606 0002 04 232F 0000: as it came
         RUN,
         HOMED,
-        ACK,  # 03 005C 0001 -> 0110: homed meanwhile; nothing else is read, for it keeps its words
+        ACK,  # 03 005C 0001 -> 0110: homed meanwhile
+        ACK,  # 03 0520 0002: where does it stand?
     )
     world = play(BY_NAME["p-home-read"], *again)
     assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 23D4 0000")
     for happening in (ACK, ACK):
         world.happen(happening)
-    assert world.said(0).direction == "unsure"
-    *_, last = replay(BY_NAME["p-home-read"], (*again, ACK, ACK, ARRIVE, READ, ACK))
-    assert last.removeprefix("#").split() == ["answered", "1", "03", "04", "23", "2f", "00", "00"]
+    return world
 
 
-STATUS = ("ask", 0, "status", 0)
+def test_the_repeat_of_a_target_of_before_is_a_new_one_where_the_axis_stands_elsewhere() -> None:
+    """M6, M9: it stands at 0, from where 9007 is forward."""
+    assert _run_again_over_a_homing().said(0).direction == "forward"
 
 
 def test_an_axis_whose_done_bit_fell_and_rose_is_looked_at_before_any_target() -> None:
@@ -552,26 +556,34 @@ def test_a_distance_from_a_way_whose_branch_was_assumed_is_flagged() -> None:
     assert direction_state(bench.line.axes[0]) == "unsure"
 
 
-def test_a_repeat_that_was_lost_with_the_link_is_kept_over_a_lost_reference() -> None:
-    """M4: 9007 (9172) is repeated, and the link goes before the answer. The drive was switched off meanwhile:
-    without a reference 9007 was sent as it came, and moved what stood at 9172."""
+@pytest.mark.parametrize(
+    ("meanwhile", "bits", "words"),
+    [((), (ACK,), "23D4 0000"), ((REBOOT,), (ACK, ACK), "232F 0000")],
+)
+def test_a_repeat_that_was_lost_with_the_link_is_kept_where_the_axis_stands_there(
+    meanwhile: tuple[Happening, ...], bits: tuple[Happening, ...], words: str
+) -> None:
+    """M4, M9: 9007 (9172) is repeated, and the link goes before the answer. What stands at 9172 then gets the
+    same words. A drive that was switched off counts from another zero: it stands at 0, and without a
+    reference goes to 9007."""
     told = (
         READ,
         ACK,  # 03 005C 0001 -> 0110: homed
         ACK,  # 03 0520 0002 -> 0000 0000
         to(1),
         ACK,  # 10 0606 0002 04 23D4 0000: 9007 forward
+        ARRIVE,
         to(1),  # 10 0606 0002 04 23D4 0000: the same words, never answered
         ("unplug",),
-        REBOOT,
+        *meanwhile,
         ("plug",),
         to(1),
         WAIT,
-        ACK,  # 03 005C 0001 -> 0010: not homed
-        ACK,  # the same, for the target
+        *bits,  # 03 005C 0001: homed; not homed, which is asked again for the target
+        ACK,  # 03 0520 0002: where does it stand?
     )
     world = play(BY_NAME["s-link-homed"], *told)
-    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 23D4 0000")
+    assert on_the_wire(world) == bytes.fromhex(f"10 0606 0002 04 {words}")
 
 
 def test_an_axis_that_was_moved_away_before_a_dry_run_ended_does_not_run_its_old_words() -> None:
@@ -596,9 +608,9 @@ def test_an_axis_that_was_moved_away_before_a_dry_run_ended_does_not_run_its_old
     assert not world.is_sending_unsure()
 
 
-def test_a_repeat_of_a_target_that_went_without_a_reference_is_flagged_once_its_drive_was_homed() -> None:
-    """M4, M9: -7003 went as it came. The drive is homed while the link is down, and stands at 0: the same
-    target again is the same words, which are on no branch (-6910 forward, -7131 backward)."""
+def test_a_target_that_went_without_a_reference_is_a_new_one_where_its_drive_was_homed_elsewhere() -> None:
+    """M4, M6, M9: -7003 went as it came. The drive is switched off and homed while the link is down, and
+    stands at 0: from there it is -7131, backward."""
     told = (
         ("unplug",),
         ("plug",),
@@ -620,14 +632,14 @@ def test_a_repeat_of_a_target_that_went_without_a_reference_is_flagged_once_its_
         to(0),
     )
     world = play(BY_NAME["s-link-homed"], *told)
-    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 E4A5 FFFF")
-    assert world.is_sending_unsure()
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 E425 FFFF")
     world.happen(ACK)
-    assert world.said(0).direction == "unsure"
+    assert world.said(0).direction == "backward"
 
 
-def test_nothing_is_read_for_a_target_that_keeps_its_words_over_a_new_reference() -> None:
-    """W8: -7003 went as it came, and the drive was homed meanwhile: given again it is the same words."""
+def test_one_look_tells_whether_a_target_keeps_its_words_over_a_new_reference() -> None:
+    """W8, M9: -7003 went as it came, and the drive was homed meanwhile: given again it is the same words, for
+    the axis stands there."""
     told = (
         ("unplug",),
         REBOOT,
@@ -641,14 +653,15 @@ def test_nothing_is_read_for_a_target_that_keeps_its_words_over_a_new_reference(
         ARRIVE,
         to(0),
         ACK,  # 03 005C 0001 -> 0110: homed
+        ACK,  # 03 0520 0002 -> E4A5 FFFF
     )
     world = play(BY_NAME["s-link-homed"], *told)
     assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 E4A5 FFFF")
 
 
-def test_a_repeat_over_a_new_reference_that_is_lost_with_the_link_is_kept_over_the_next_loss() -> None:
-    """M4: its drive holds 9172, whether the repeat came or not. It was sent 1:1 (9007) once the reference was
-    lost again, and moved what stood at 9172."""
+def test_a_repeat_over_a_new_reference_is_a_new_target_where_its_drive_was_switched_off() -> None:
+    """M4, M9: 9007 (9172) goes out over a new reference, its answer is lost with the link. Its drive was
+    switched off again and counts from another zero, at which it stands: 9007, without a reference."""
     told = (
         to(1),
         ACK,  # 03 005C 0001 -> 0110: homed
@@ -663,6 +676,7 @@ def test_a_repeat_over_a_new_reference_that_is_lost_with_the_link_is_kept_over_t
         ACK,  # 03 005C 0001 -> 0010: not homed
         HOMED,
         ACK,  # 03 005C 0001 -> 0110: homed
+        ACK,  # 03 0520 0002: where does it stand?
         ("unplug",),  # 10 0606 0002 04 23D4 0000, never answered
         ("plug",),
         REBOOT,
@@ -670,4 +684,4 @@ def test_a_repeat_over_a_new_reference_that_is_lost_with_the_link_is_kept_over_t
         ACK,  # 03 005C 0001 -> 0010: not homed
     )
     world = play(BY_NAME["s-link-homed"], *told)
-    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 23D4 0000")
+    assert on_the_wire(world) == bytes.fromhex("10 0606 0002 04 232F 0000")

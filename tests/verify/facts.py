@@ -4,7 +4,7 @@ Nothing of it is worked out by the gateway: what the drive was told and what it 
 say, for how long it said nothing, what of a target was lost. What the status and the events say has to agree.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from gateway.exchange.events import Event, EventKind
@@ -89,6 +89,9 @@ class Facts(NamedTuple):
     """Whether a target was lost: for its own sake, or because another axis of the group had lost its own."""
     block_code: int = 0
     """Exception code of the loss; 0: not known."""
+    is_owed_proof: bool = False
+    """Reach or reference of it, or of its group, was lost or came back, and nobody has read its place since:
+    its target of before counts only by proof."""
     is_stale: bool = False
     """Something was lost since the frame on the wire has left."""
     read_ns: int = 0
@@ -116,9 +119,33 @@ def note(world: "World", number: int, facts: Facts) -> None:
     was = axes[number].facts
     if was is not None and was.is_found is not facts.is_found:
         facts = facts._replace(read_ns=0)  # it may have been counted from another zero
+        owe_proof(world, range(len(axes)) if world.design.groups else ())
+        axes = list(world.state.axes)
+        facts = facts._replace(is_owed_proof=True)
     if was != facts:
         axes[number] = axes[number]._replace(facts=facts)
         world.state = world.state._replace(axes=tuple(axes))
+
+
+def owe_proof(world: "World", numbers: Iterable[int]) -> None:
+    """Reach or reference of some axes was lost or came back."""
+    axes = list(world.state.axes)
+    for number in numbers:
+        known = axes[number].facts
+        if known is not None:
+            axes[number] = axes[number]._replace(facts=known._replace(is_owed_proof=True))
+    world.state = world.state._replace(axes=tuple(axes))
+
+
+def owes_proof(world: "World", number: int) -> bool:
+    """Whether a target of before a loss counts only once the place of its axis was read."""
+    return _of(world, number).is_owed_proof
+
+
+def see_proof(world: "World", number: int) -> None:
+    """The place of an axis was read."""
+    if _of(world, number).is_owed_proof:
+        note(world, number, _of(world, number)._replace(is_owed_proof=False))
 
 
 def number_of(world: "World", unit_id: int) -> int:
@@ -199,6 +226,7 @@ def link_lost(world: "World", unit_ids: set[int]) -> None:
     for number, plan in enumerate(world.design.plans):
         if plan.unit_id not in unit_ids:
             note(world, number, _fell_silent(_of(world, number), plan, world.now_ns))
+    owe_proof(world, range(len(world.design.plans)))
 
 
 def link_found(world: "World") -> None:
@@ -288,7 +316,7 @@ def _heard_again(facts: Facts, plan: AxisPlan) -> Facts:
     if not facts.silent_since_ns:
         return facts
     if _was_lost_long(facts, plan):
-        facts = _lost(facts, plan)
+        facts = _lost(facts, plan)._replace(is_owed_proof=True)
     return facts._replace(silent_since_ns=0, silent_until_ns=0)
 
 

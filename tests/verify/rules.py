@@ -293,7 +293,11 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
             why = "the axis was seen to stand at its target a moment ago"
         elif facts.is_just_read(world, number) and axis.goes_counts is None and not may_look:
             why = "it was read at this very moment"
-        elif is_again and not axis.is_owed_look and not facts.is_unseen(world, number):
+        elif (
+            is_again
+            and not (axis.is_owed_look or facts.owes_proof(world, number))
+            and not facts.is_unseen(world, number)
+        ):
             why = "the same target is the same words"
     elif address == STATUS and not is_distance:
         why = facts.why_no_bit(world, number, is_target=bool(moving), is_read=len(moving) < len(unsent))
@@ -543,11 +547,21 @@ def _judge_side(world: "World", axis: "Axis", way: "Run", aim: "Aim") -> None:
 
 def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
     run, nominal = axis.run, aim.nominal_counts
-    if axis.held is not None and axis.held.nominal_counts == nominal and end != axis.held.end_counts:
-        raise BrokenRuleError(
-            f"target {nominal} was told as {axis.held.end_counts}, which its drive holds over a reference "
-            f"that was lost, and becomes {end} (0, M4)"
-        )
+    held = axis.held
+    if held is not None and held.nominal_counts == nominal:
+        in_position = world.design.plans[0].settings.in_position_counts
+        stands_there = abs(axis.stands_counts - held.end_counts) <= in_position
+        if stands_there and end != held.end_counts:
+            raise BrokenRuleError(
+                f"target {nominal} was told as {held.end_counts}, where its axis stands over a lost "
+                f"reference, and becomes {end} (0, M4)"
+            )
+        is_far = abs(held.end_counts - nominal) > ROUNDING and axis.goes_counts is None
+        if is_far and not stands_there and aim.state == "unreferenced" and end == held.end_counts:
+            raise BrokenRuleError(
+                f"target {nominal} goes to {end} as before its reference was lost, and its axis stands at "
+                f"{axis.stands_counts} of another zero (M9)"
+            )
     if run is not None and run.nominal_counts == nominal and not aim.is_lost:
         if end == run.end_counts:
             return
@@ -1161,6 +1175,9 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
     number = facts.number_of(world, read.unit_id)
     axis, address = world.state.axes[number], read.pdu[1] << 8 | read.pdu[2]
     run = axis.run
+    if address == ACTUAL.address:
+        facts.see_proof(world, number)
+        axis = world.state.axes[number]
     if address == ACTUAL.address and axis.is_owed_look:
         axis = axis._replace(is_owed_look=False, was_done=False)  # that the bit is down is nothing new
         axes = list(world.state.axes)

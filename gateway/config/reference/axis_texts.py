@@ -145,8 +145,9 @@ AXIS: Final[Texts] = {
     "lost_ms": Said(
         meaning=(
             "a drive that left requests unanswered for longer than this, from the first to the last of "
-            "them, may have been switched off: what is known about its registers and its last target "
-            "is forgotten, and `referenced` has to be shown again. One lost reply is no silence"
+            "them, may have been switched off: base, modes and registers are forgotten, never the words "
+            "of a place that was proved, and `referenced` has to be shown again. Its last target keeps "
+            "its words only where a reading shows the axis there. One lost reply is no silence"
         ),
     ),
     "backlash": Said(
@@ -209,7 +210,8 @@ AXIS: Final[Texts] = {
     "stored_moves": Said(
         meaning=(
             "what happens to moves to positions that the drive keeps, and to triggers of targets that "
-            "were not written through the gateway: exception 4, or they run as they are"
+            "were not written through the gateway, whatever kind of move they are: exception 4, or they "
+            "run as they are and the axis is flagged"
         ),
     ),
     "relative_unknown": Said(

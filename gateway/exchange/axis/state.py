@@ -76,10 +76,10 @@ class Whereabouts(Enum):
     STOPPED = "stopped"
     """A stop came after the last target: it stands somewhere, on the branch of that target."""
     RETAINED = "retained"
-    """The reference has changed since: the last target means nothing, but its repeat moves nothing."""
+    """The reference has changed since: the last target means nothing, but its words are kept. Where the axis
+    is seen to stand there a repeat of that target is the same words, and moves nothing (:class:`Keeping`)."""
     OUT_OF_REACH = "out-of-reach"
-    """Its drive could not be reached, or was silent for long: the last target means nothing until the axis is
-    seen; should its reference prove to be lost, a repeat of that target moves nothing."""
+    """Its drive could not be reached, or was silent for long: the same."""
     UNPROVEN = "unproven"
     """A target was sent and not acknowledged: the drive may hold it or not."""
     UNPROVEN_AT_REST = "unproven-at-rest"
@@ -122,6 +122,36 @@ AT_REST: Final = WAS_THERE | {Whereabouts.UNPROVEN_AT_REST}
 """Places of which anything says that the axis stands."""
 ON_BRANCH: Final = TARGETED | {Whereabouts.STOPPED}
 """Places at which the branch of the last target is that on which the axis stands or moves."""
+
+
+RETAINING: Final = frozenset({Whereabouts.RETAINED, Whereabouts.OUT_OF_REACH})
+"""Places that keep the last target, which means nothing in them."""
+
+
+class Keeping(Enum):
+    """What a target is that equals the one of before a loss of reach or reference."""
+
+    NEW = "new"
+    """A new target: no such one is kept, or the axis was seen elsewhere since."""
+    SAME_WORDS = "same-words"
+    """The same words as before: the axis was seen to stand there since, or nobody may look and its drive goes
+    with each write (a cyclic writer must not jerk it)."""
+    UNSEEN = "unseen"
+    """Nobody may look, and its drive waits for a trigger: refused until a reading or a different target."""
+
+
+KEEPING: Final[dict[tuple[bool, bool, bool], Keeping]] = {
+    # was seen there since, its drive waits for a trigger, had been seen there before the loss
+    (True, True, True): Keeping.SAME_WORDS,
+    (True, True, False): Keeping.SAME_WORDS,
+    (True, False, True): Keeping.SAME_WORDS,
+    (True, False, False): Keeping.SAME_WORDS,
+    (False, False, True): Keeping.SAME_WORDS,
+    (False, False, False): Keeping.SAME_WORDS,
+    (False, True, True): Keeping.UNSEEN,
+    (False, True, False): Keeping.NEW,
+}
+"""What a kept target is; one that was seen elsewhere is not kept any more."""
 
 
 class Said(Enum):
@@ -236,7 +266,7 @@ class Rendering(NamedTuple):
 
 
 class Retained(NamedTuple):
-    """The last target as its drive was told it, over a change of the reference: its repeat moves nothing."""
+    """The last target as its drive was told it, over a loss of reach or reference."""
 
     number: int
     nominal_words: bytes
@@ -244,6 +274,10 @@ class Retained(NamedTuple):
     corrected_counts: Counts
     move: Move
     """The correction it was told with."""
+    was_there: bool
+    """The axis had been seen at it, or its drive had said so, before the loss."""
+    newest_ns: int
+    """When the last actual position before the loss was asked for: only a later one proves anything."""
 
 
 class AxisState:
@@ -331,7 +365,7 @@ class AxisState:
         self.unproven: Rendering | None = None
         """The target that was not acknowledged; there exactly in both places of that name."""
         self.retained: Retained | None = None
-        """The last target: there exactly in the places RETAINED and OUT_OF_REACH."""
+        """The last target: there exactly in the places :data:`RETAINING`."""
         self.last_number: int | None = None
         """Of the command field through which the last accepted target came."""
         self.actual: Actual | None = None
@@ -550,8 +584,13 @@ class AxisState:
     def retained_target(self) -> Retained | None:
         """The last accepted target with its words, where nothing but a target moves the axis since."""
         accepted, number = self.compensation.accepted, self.last_number
+        newest_ns = 0 if self.actual is None else self.actual.seen_ns
         if self.compensation.is_stream or accepted is None or number is None:
-            return self.retained
+            retained = self.retained
+            if retained is None:
+                return None
+            was_there = retained.was_there or self.is_seen_at_retained
+            return retained._replace(was_there=was_there, newest_ns=newest_ns)
         image = self.fields[number]
         if not self._holds_target(number):
             return None  # another one is staged there by now, or a distance
@@ -563,14 +602,37 @@ class AxisState:
             image.corrected_words,
             accepted.corrected_counts,
             self.compensation.again(),
+            self.whereabouts in WAS_THERE,
+            newest_ns,
         )
 
     def retained_as(self, number: int, nominal_words: bytes) -> Retained | None:
-        """Return the target of before the reference changed, where these words are it again; else None."""
-        retained = self.retained if self.whereabouts is Whereabouts.RETAINED else None
+        """Return the target of before a loss of reach or reference, where these words are it; else None."""
+        retained = self.retained
         if retained is None or (retained.number, retained.nominal_words) != (number, nominal_words):
             return None
         return retained
+
+    def keeping(self, number: int, nominal_words: bytes) -> Keeping:
+        """Return what a target is by what is known now, that may be the one of before a loss."""
+        retained = self.retained_as(number, nominal_words)
+        if retained is None:
+            return Keeping.NEW
+        return KEEPING[self.is_seen_at_retained, self.plan.motion.waits_for_trigger, retained.was_there]
+
+    @property
+    def is_seen_at_retained(self) -> bool:
+        """Whether the axis was seen, after the loss, where its retained target had sent it."""
+        return self.seen_at_retained is True
+
+    @property
+    def seen_at_retained(self) -> bool | None:
+        """Whether it stands where its retained target had sent it; None: nobody has looked since the loss."""
+        retained, actual = self.retained, self.actual
+        if retained is None or actual is None or actual.seen_ns <= retained.newest_ns:
+            return None
+        window = self.plan.settings.in_position_counts
+        return abs(actual.counts - retained.corrected_counts) <= window
 
     # --- what is read of it ----------------------------------------------------------------------------
 

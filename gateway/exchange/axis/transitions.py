@@ -49,6 +49,7 @@ from gateway.exchange.axis.state import (
     HOMING_SETTLE_NS,
     ON_BRANCH,
     ON_WAY,
+    RETAINING,
     TARGETED,
     WAS_THERE,
     Actual,
@@ -103,8 +104,6 @@ _NOTHING: Final = OnWire.NOTHING
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
 
 _UNPROVEN: Final = frozenset({Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST})
-_RETAINING: Final = frozenset({Whereabouts.RETAINED, Whereabouts.OUT_OF_REACH})
-"""Places that keep the last target, which means nothing in them."""
 
 WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
     **{(place, Happening.ACKNOWLEDGED): Whereabouts.UNDER_WAY for place in Whereabouts},
@@ -120,9 +119,10 @@ WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
         (place, Happening.OUT_OF_REACH): Whereabouts.OUT_OF_REACH
         if place in TARGETED
         else Whereabouts.UNKNOWN
-        for place in set(Whereabouts) - _RETAINING
+        for place in set(Whereabouts) - RETAINING
     },
-    **{(place, Happening.REFERENCE_CHANGED): Whereabouts.RETAINED for place in TARGETED | _RETAINING},
+    **{(place, Happening.REFERENCE_CHANGED): Whereabouts.RETAINED for place in TARGETED | RETAINING},
+    **{(place, Happening.AWAY): Whereabouts.UNKNOWN for place in RETAINING},
     (Whereabouts.UNPROVEN, Happening.DONE): Whereabouts.UNPROVEN_AT_REST,
     (Whereabouts.UNPROVEN, Happening.DONE_ALONE): Whereabouts.UNPROVEN_AT_REST,
     **{(place, Happening.DONE): Whereabouts.DONE_SAID for place in ON_WAY},
@@ -290,7 +290,7 @@ class Axis(AxisState):
             if self.pending is self.unproven and self.on_wire is _NOTHING:
                 self.pending = None  # its record need not name it any more
             self.unproven = None
-        if place not in _RETAINING:
+        if place not in RETAINING:
             self.retained = None
 
     def _send_off(self, now_ns: int) -> None:
@@ -715,7 +715,7 @@ class Axis(AxisState):
         Of a repeat it holds the same words in either case.
         """
         is_repeat = rendering.move is None and not rendering.is_distance
-        if is_repeat and (self.compensation.accepted is not None or self.whereabouts in _RETAINING):
+        if is_repeat and (self.compensation.accepted is not None or self.whereabouts in RETAINING):
             return
         image = self.fields[rendering.number]
         if image.corrected_words == rendering.corrected_words:
@@ -727,7 +727,8 @@ class Axis(AxisState):
     def leave_run_unproven(self, rendering: Rendering, now_ns: int) -> None:
         """A trigger was not acknowledged: the drive holds its target, and may be going there or not."""
         retained = self.retained_as(rendering.number, rendering.nominal_words)
-        if retained is not None and not rendering.is_distance:
+        is_same = retained is not None and retained.corrected_words == rendering.corrected_words
+        if is_same and not rendering.is_distance:
             self._send_off(now_ns)  # its repeat is the same words all the same
             return
         unproven, before = self.unproven, self.unproven or self.compensation.accepted
@@ -1070,6 +1071,8 @@ class Axis(AxisState):
         is_at_rest = self.whereabouts in AT_REST
         if self.compensation.accepted is not None:
             self._see_place(now)
+        elif self.seen_at_retained is False:
+            self._happens(Happening.AWAY)
         if was_unseen and self.whereabouts in ON_WAY:
             self._see_way(now)
         if before is not None and is_at_rest:
@@ -1116,7 +1119,7 @@ class Axis(AxisState):
 
         One that was not at its target yet may be anywhere on its way there; a distance has no base there.
         """
-        if self.is_at_target(actual.counts):
+        if self.is_at_target(actual.counts) or self.is_seen_at_retained:
             return
         is_on_way = self.whereabouts in ON_WAY and self._is_on_way(actual)
         if is_for_distance or not is_on_way:

@@ -1,0 +1,296 @@
+"""A target of before a loss of reach or reference: it counts only by proof (M4, M6, M9)."""
+
+from itertools import product
+from typing import Any
+
+import pytest
+
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.exchange.axis.state import KEEPING, RETAINING, Whereabouts
+from gateway.exchange.plan import LineTiming, Reference
+from gateway.modbus.registers import BitField
+from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Memory, axis_plan, read, write
+from tests.exchange.staged_bench import RUN_PDU, STATUS, StagedBench, staged_plan
+
+WORN = make_table([0, 200], [0.41, 0.41], [-0.26, -0.26], Units.MM)
+"""60 000 is told as 60 410 forward and as 59 740 backward."""
+HOMED = BitField(0x0031, 5)
+STATUS_PDU = bytes([3]) + STATUS.to_bytes(2, "big") + bytes((0, 1))
+KEEPING_WALK = """
+seen waits before  what
+yes  yes   yes     same-words
+yes  yes   no      same-words
+yes  no    yes     same-words
+yes  no    no      same-words
+no   no    yes     same-words
+no   no    no      same-words
+no   yes   yes     unseen
+no   yes   no      new
+"""
+
+
+@pytest.mark.parametrize(("seen", "waits", "before"), list(product((True, False), repeat=3)))
+def test_m9_a_kept_target_is_what_the_rule_says(seen: bool, waits: bool, before: bool) -> None:
+    _, *rows = (row.split() for row in KEEPING_WALK.strip("\n").splitlines())
+    words = ["yes" if each else "no" for each in (seen, waits, before)]
+    [found] = [row[3] for row in rows if row[:3] == words]
+    assert KEEPING[seen, waits, before].value == found
+    assert len(KEEPING) == len(rows)
+
+
+# --- a drive that goes with each write -----------------------------------------------------------------
+
+
+def mover(**plan: Any) -> Bench:
+    """Sent backward to 60 mm, where it stands: 59 740."""
+    memory = Memory()
+    memory.words[HOMED.address] = 1 << HOMED.bit
+    bits = {"referenced": Reference.DRIVE_BIT, "bits": {"homed": HOMED}}
+    bench = Bench(axis_plan(table=WORN, **bits, **plan), timing=LineTiming(drain_ms=1), memory=memory)
+    if plan.get("added_frames", True) is False:
+        bench.ask(read_homed())
+    bench.move(100_000)
+    bench.ask(read(ACTUAL))
+    bench.move(60_000)
+    bench.ask(read(ACTUAL))
+    return bench
+
+
+def read_homed() -> bytes:
+    return bytes([3]) + HOMED.address.to_bytes(2, "big") + bytes((0, 1))
+
+
+def lose(bench: Bench, how: str) -> None:
+    """Lose reach or reference of the drive."""
+    if how == "reference":
+        bench.memory.words[HOMED.address] = 0
+        bench.ask(read_homed())
+    elif how == "link":
+        bench.line.link_down(bench.now_ns)
+        bench.wait(500)
+        bench.line.link_up(bench.now_ns)
+        bench.serve()
+    else:
+        for _ in range(3):
+            bench.send(read(ACTUAL))
+            bench.link.sent.clear()
+            bench.wait(1001)
+            bench.wait(2)
+            bench.port.replies.clear()
+        bench.wait(1000)
+
+
+LOSSES = ["reference", "link", "silence"]
+
+
+@pytest.mark.parametrize("how", LOSSES)
+def test_m4_a_repeat_over_a_loss_moves_nothing_where_the_axis_stands_there(how: str) -> None:
+    bench = mover()
+    lose(bench, how)
+    before = len(bench.seen)
+    for _ in range(3):
+        bench.ask(write(COMMAND, 60_000))
+        assert bench.memory.get(COMMAND) == 59_740
+    looks = 2 if how == "silence" else 1  # of which one is the trial of a dead drive (W11)
+    assert bench.seen[before:].count(read(ACTUAL)) == looks
+
+
+@pytest.mark.parametrize("beside", [20, -20])
+def test_m4_a_standing_error_within_the_window_is_no_other_place(beside: int) -> None:
+    bench = mover()
+    lose(bench, "reference")
+    bench.memory.put(ACTUAL, 59_740 + beside)
+    bench.ask(write(COMMAND, 60_000))
+    assert bench.memory.get(COMMAND) == 59_740
+
+
+@pytest.mark.parametrize("how", LOSSES)
+def test_m9_a_repeat_passes_1_to_1_where_the_axis_stands_elsewhere_without_a_reference(how: str) -> None:
+    bench = mover()
+    lose(bench, how)
+    bench.memory.words[HOMED.address] = 0
+    bench.wait(1100)
+    bench.memory.put(ACTUAL, 20_000)  # its drive was switched off, and counts from another zero
+    bench.ask(write(COMMAND, 60_000))
+    assert bench.memory.get(COMMAND) == 60_000
+    assert not bench.line.axes[0].is_referenced
+
+
+@pytest.mark.parametrize("how", LOSSES[1:])
+def test_m6_a_repeat_is_corrected_anew_where_the_axis_stands_elsewhere_with_its_reference(how: str) -> None:
+    bench = mover()
+    lose(bench, how)
+    bench.memory.put(ACTUAL, 20_000)
+    bench.ask(write(COMMAND, 60_000))
+    assert bench.memory.get(COMMAND) == 60_410  # forward from 20 mm
+
+
+def test_m9_a_reading_of_the_controller_after_the_loss_is_proof_enough() -> None:
+    bench = mover()
+    lose(bench, "reference")
+    bench.ask(read(ACTUAL))
+    before = len(bench.seen)
+    bench.ask(write(COMMAND, 60_000))
+    assert read(ACTUAL) not in bench.seen[before:]
+    assert bench.memory.get(COMMAND) == 59_740
+
+
+def test_m9_a_reading_from_before_the_loss_proves_nothing() -> None:
+    bench = mover()
+    bench.ask(read(ACTUAL))
+    lose(bench, "reference")
+    before = len(bench.seen)
+    bench.ask(write(COMMAND, 60_000))
+    assert read(ACTUAL) in bench.seen[before:]
+
+
+def test_m9_a_reading_elsewhere_ends_what_was_kept_for_good() -> None:
+    bench = mover()
+    lose(bench, "reference")
+    assert bench.line.axes[0].whereabouts in RETAINING
+    bench.memory.put(ACTUAL, 20_000)
+    bench.ask(read(ACTUAL))
+    assert bench.line.axes[0].whereabouts is Whereabouts.UNKNOWN
+    bench.memory.put(ACTUAL, 59_740)
+    bench.ask(write(COMMAND, 60_000))
+    assert bench.memory.get(COMMAND) == 60_000
+
+
+@pytest.mark.parametrize("how", LOSSES)
+def test_m4_where_nobody_may_look_a_drive_that_goes_with_each_write_gets_the_same_words(how: str) -> None:
+    """A cyclic writer that repeats its target over a pulled cable must not jerk the axis."""
+    bench = mover(added_frames=False)
+    assert bench.memory.get(COMMAND) == 59_740
+    lose(bench, how)
+    bench.ask(write(COMMAND, 60_000))
+    assert bench.memory.get(COMMAND) == 59_740
+    bench.memory.put(ACTUAL, 20_000)
+    bench.ask(read(ACTUAL))  # until somebody sees it elsewhere
+    bench.memory.words[HOMED.address] = 0
+    bench.ask(read_homed())
+    bench.ask(write(COMMAND, 60_000))
+    assert bench.memory.get(COMMAND) == 60_000
+
+
+def test_m4_where_the_drive_does_not_tell_where_it_is_it_gets_the_same_words() -> None:
+    bench = mover()
+    lose(bench, "link")
+    bench.send(write(COMMAND, 60_000))
+    while bench.link.sent and bench.link.sent[0][1][0] == 3:
+        unit_id, pdu = bench.link.sent.pop(0)
+        is_place = pdu == read(ACTUAL)
+        reply = bytes.fromhex("83 04") if is_place else bench.memory.answer(pdu)
+        bench.line.reply(unit_id, reply, bench.now_ns)
+    assert bench.link.sent == [(1, write(COMMAND, 59_740))]
+
+
+# --- a drive that waits for a trigger ------------------------------------------------------------------
+
+
+def staged(*, is_polled: bool = True, **plan: Any) -> StagedBench:
+    """Run forward to 60 mm, where it stands: 60 410."""
+    bench = StagedBench(
+        staged_plan(table=WORN, referenced=Reference.DRIVE_BIT, **plan), timing=LineTiming(drain_ms=1)
+    )
+    bench.ask(STATUS_PDU)
+    bench.stage(60_000)
+    bench.trigger()
+    bench.drive.arrive()
+    bench.wait(1500)
+    if is_polled:
+        bench.ask(STATUS_PDU)
+        bench.ask(read(ACTUAL))
+    return bench
+
+
+def switch_off(bench: StagedBench, *, is_homed: bool = False, at: int = 20_000) -> None:
+    """Silent for 3 s under polls, then back from another zero."""
+    for _ in range(3):
+        bench.send(STATUS_PDU)
+        bench.link.sent.clear()
+        bench.wait(1001)
+        bench.wait(2)
+        bench.port.replies.clear()
+    bench.wait(1000)
+    bench.drive.put(ACTUAL, at)
+    bench.drive.set_bits(is_done=True, is_homed=is_homed)
+    bench.ask(STATUS_PDU)
+
+
+def test_m9_a_drive_that_comes_back_from_another_zero_is_not_corrected_on_it() -> None:
+    """Staged 1:1 and written anew as 60 410 at its trigger, without a look: so it was."""
+    bench = staged()
+    switch_off(bench)
+    bench.stage(60_000)
+    before = len(bench.seen)
+    bench.trigger()
+    assert bench.drive.moves[-1] == ("absolute", 60_000)
+    assert write(COMMAND, 60_410) not in bench.seen[before:]
+    assert bench.seen[before:].count(read(ACTUAL)) == 1
+
+
+def test_m9_a_reboot_that_nobody_saw_is_found_by_the_look_too() -> None:
+    bench = staged()
+    bench.drive.put(ACTUAL, 20_000)
+    bench.drive.set_bits(is_done=True, is_homed=False)
+    bench.wait(1100)
+    bench.ask(STATUS_PDU)
+    bench.stage(60_000)
+    bench.trigger()
+    assert bench.drive.moves[-1] == ("absolute", 60_000)
+
+
+def test_m4_one_that_stands_there_runs_with_the_same_words() -> None:
+    bench = staged()
+    switch_off(bench, at=60_410)
+    bench.stage(60_000)
+    bench.trigger()
+    assert bench.drive.moves[-1] == ("absolute", 60_410)
+
+
+def test_m9_where_nobody_may_look_a_target_of_before_is_refused_until_a_reading() -> None:
+    bench = staged(added_frames=False)
+    switch_off(bench, at=60_075)  # half-way, for nobody could look before the first target either
+    moves = list(bench.drive.moves)
+    bench.stage(60_000)
+    assert bench.ask(RUN_PDU) == bytes.fromhex("86 06")
+    assert bench.drive.moves == moves
+    bench.ask(read(ACTUAL))
+    bench.stage(60_000)
+    bench.trigger()
+    assert bench.drive.moves[-1] == ("absolute", 60_075)
+
+
+def test_m9_where_nobody_may_look_a_different_target_passes_1_to_1() -> None:
+    bench = staged(added_frames=False)
+    switch_off(bench)
+    bench.stage(60_000)
+    assert bench.ask(RUN_PDU) == bytes.fromhex("86 06")
+    bench.stage(60_001)
+    bench.trigger()
+    assert bench.drive.moves[-1] == ("absolute", 60_001)
+
+
+def test_m9_where_nobody_may_look_the_words_of_a_place_that_was_never_proved_are_forgotten() -> None:
+    bench = staged(added_frames=False, is_polled=False)
+    switch_off(bench)
+    bench.stage(60_000)
+    bench.trigger()
+    assert bench.drive.moves[-1] == ("absolute", 60_000)
+
+
+def test_m6_where_nobody_may_look_the_target_of_before_tells_the_direction_flagged() -> None:
+    bench = staged(added_frames=False, is_polled=False)
+    switch_off(bench)
+    bench.stage(60_000)
+    bench.trigger()
+    bench.drive.set_bits(is_done=True, is_homed=True)
+    bench.drive.arrive()
+    bench.wait(1500)
+    bench.ask(STATUS_PDU)
+    assert bench.line.axes[0].is_referenced
+    bench.stage(40_000)
+    bench.trigger()
+    assert bench.drive.moves[-1][1] < 40_000  # backward from 60 mm
+    assert bench.line.axes[0].is_unsure
