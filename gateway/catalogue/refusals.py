@@ -185,6 +185,14 @@ REFUSALS: Final = (
     ),
     RefusalEntry(
         0x06,
+        "its drive was out of reach or lost its reference, and nothing tells whether it stands at this target",
+        "the last target was given again after a loss, and the gateway may not look where the axis stands: its "
+        "drive may count from another zero now",
+        "read the actual position, or command another target; let the gateway look (`added_frames`, "
+        "`safe_read`, `actual`)",
+    ),
+    RefusalEntry(
+        0x06,
         "",
         "a stop of the axis came while the request waited, and withdrew it; event `withdrawn`",
         "send the target again if it is still wanted",
