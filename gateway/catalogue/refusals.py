@@ -185,9 +185,9 @@ REFUSALS: Final = (
     ),
     RefusalEntry(
         0x06,
-        "its drive was out of reach or lost its reference, and nothing tells whether it stands at this target",
-        "the last target was given again after a loss, and the gateway may not look where the axis stands: its "
-        "drive may count from another zero now",
+        "its drive was out of reach or lost its reference, and nothing tells whether it stands at …",
+        "the last target was given again after a loss, and the gateway may not look where the axis stands: "
+        "its drive may count from another zero now",
         "read the actual position, or command another target; let the gateway look (`added_frames`, "
         "`safe_read`, `actual`)",
     ),
