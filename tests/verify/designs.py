@@ -600,6 +600,23 @@ CLOSING: Final = (
     ),
     _small_staged("s-halves", "word by word", menu=("low", "high", "run"), happenings=("wait",)),
     _small_staged(
+        "s-halves-unwritten",
+        "word by word, refused with proof that nothing was written: no trigger runs beside it",
+        _staged(exception_writes_nothing=True),
+        menu=("low", "high", "run", "to"),
+        answers=("ack", "refuse"),
+        happenings=("wait",),
+        targets=(9007,),
+    ),
+    _small(
+        "s-halves-moving",
+        "word by word to a drive that moves with each, refused with proof that nothing was written",
+        _plan(exception_writes_nothing=True),
+        menu=("low", "high"),
+        answers=("ack", "refuse"),
+        targets=(9007,),
+    ),
+    _small_staged(
         "s-halves-refused",
         "word by word, refused",
         menu=("low", "high", "run"),

@@ -32,6 +32,8 @@ PASSED_STORED: Final = "no-table"
 NEVER_WRITTEN: Final = 3
 """Both words, and neither was lost on its way (``Belief.lost``)."""
 NEAR_COUNTS: Final = 100
+UNWRITTEN: Final = 8
+"""Of what was lost of a target: a word was refused, with proof that nothing was written."""
 """Beside a target by less than any correction is long (M6)."""
 CORRECTION_COUNTS: Final = 350
 """No table of the worlds adds more."""
@@ -446,7 +448,9 @@ def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
     word = data[0] << 8 | data[1]
     mine = 1 if written_at(request) == COMMAND.address else 2
     lost = belief.lost & ~mine
-    if frame[0] == 16 or not lost & 3:  # whole: completed with a word that was lost a moment ago, too (M1)
+    if belief.lost & UNWRITTEN:  # completed with what the drive holds: each word has to come anew (M3)
+        lost = lost if lost & 3 else 0
+    elif frame[0] == 16 or not lost & 3:  # whole: completed with a word that was lost a moment ago, too (M1)
         lost = 0
     if mine == 1:
         return belief._replace(low=word, lost=lost)
@@ -843,7 +847,7 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         if _limit_hit(wire.request):  # an exception does not prove that nothing was written (M7)
             _note_limit(world, number, None)
         if request is not None:
-            note_lost(world, wire.owner, request)
+            note_lost(world, wire.owner, request, proof=_proves_nothing_written(world, number, reply))
         if wire.aim is not None:
             _judge_untold(world, number, wire.aim, reply)
             note_other_lost(world, number, wire)
@@ -1005,8 +1009,18 @@ def judge_waiting(world: "World") -> None:
             raise BrokenRuleError(f"nothing is under way, and a controller waits: {request.pdu.hex(' ')} (2)")
 
 
-def note_lost(world: "World", port: int, request: "Asked") -> None:
-    """Take note of a write of a target of which nobody can say that it is in the drive (4)."""
+def _proves_nothing_written(world: "World", number: int, reply: bytes) -> bool:
+    """Whether a drive's exception says that what stood there stands there still (M7)."""
+    is_exact = len(reply) == 2 and reply[1] in (2, 3, 4)
+    return is_exact and world.design.plans[number].exception_writes_nothing
+
+
+def note_lost(world: "World", port: int, request: "Asked", *, proof: bool = False) -> None:
+    """Take note of a write of a target of which nobody can say that it is in the drive (4).
+
+    ``proof``: its drive has said that it was not written. Then the other words of a half may be completed
+    from what stands there, and only triggers wait until each word came anew (M3).
+    """
     if not writes_target(request.pdu):
         return
     is_low = written_at(request.pdu) == COMMAND.address
@@ -1014,7 +1028,10 @@ def note_lost(world: "World", port: int, request: "Asked") -> None:
     word = 0 if is_whole else request.pdu[3] << 8 | request.pdu[4]
     beliefs = [list(own) for own in world.state.beliefs]
     i, belief = request.axis, beliefs[port][request.axis]
-    if is_whole:
+    if proof and not is_whole and not belief.lost & 4:
+        if world.design.is_staged:
+            beliefs[port][i] = belief._replace(lost=3 | UNWRITTEN)
+    elif is_whole:
         beliefs[port][i] = belief._replace(lost=7, ticks=OLD_TICKS)
     elif is_low:
         beliefs[port][i] = belief._replace(low=word, lost=belief.lost | 5, ticks=0)

@@ -233,7 +233,8 @@ class Belief(NamedTuple):
     low: int = 0
     high: int = 0
     lost: int = 3
-    """Bit 0, 1: the low, the high word was lost, or never written; bit 2: some word was lost, on its way."""
+    """Bit 0, 1: the low, the high word was lost, or never written; bit 2: some word was lost, on its way; bit
+    3: one was refused, with proof that nothing was written."""
     ticks: int = OLD_TICKS
     """Since then."""
 
