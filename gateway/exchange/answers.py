@@ -30,7 +30,7 @@ LONGEST_RETRY_NS: Final = 10 * NS_PER_S
 LATE_FOR_NS: Final = 600 * NS_PER_S
 """So long the whole line waits after each time-out of a unit that was late once."""
 UNASKED_AT_MOST: Final = 2
-"""So many requests in one silence are answered unasked; the next read waits for its end and goes, be it late."""
+"""So many requests in one silence are answered unasked; the next read waits for its end, and goes late."""
 STOPS_KNOWN: Final = 16
 """Different stops of one silent unit that are told apart; all others count as new."""
 
@@ -295,8 +295,13 @@ class Answers:
         return max(silence.quiet_ns, now_ns) > leave_by_ns
 
     def note_unasked(self, unit_id: int) -> None:
-        """A request was answered in the place of a unit id; nothing is learned of that (see ``is_too_late``)."""
+        """A request was answered in the place of a unit id, which nothing is learned of from that."""
         self.silences[unit_id].unasked += 1
+
+    def is_missed(self, unit_id: int) -> bool:
+        """Whether a unit id left its last request unanswered, and is still asked."""
+        silence = self.silences.get(unit_id)
+        return silence is not None and silence.reach in (Reach.MISSED_ONE, Reach.MISSED_TWO)
 
     # --- stops -----------------------------------------------------------------------------------------
 

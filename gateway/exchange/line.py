@@ -694,7 +694,10 @@ class LineExchange(CuttingLine):
         self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
 
     def _answer_waiting(self, now_ns: int) -> None:
-        """Answer what waits for a unit that is dead now, or only to leave too late, in the order of each controller."""
+        """Answer what waits for a unit that is dead now, or only to leave too late.
+
+        In the order of each controller.
+        """
         behind: set[int] = set()
         for transaction in tuple(self._waiting):
             port = transaction.port
@@ -846,8 +849,10 @@ class LineExchange(CuttingLine):
         port = transaction.port
         if port is not None and port.patience_ns > patience_ns and transaction.added is None:
             # A read that tries a dead drive (W11) keeps the others waiting no longer than a drive may take.
-            is_trial = bool(self.answers.silences) and self.answers.dead((unit_id,)) is not None
-            if not (is_trial and only_reads(pdu)):
+            is_read = bool(self.answers.silences) and only_reads(pdu)
+            if is_read and self.answers.is_missed(unit_id) and now_ns > transaction.leave_by_ns:
+                patience_ns = max(patience_ns, transaction.given_up_ns - now_ns)  # the same, if it left late
+            elif not (is_read and self.answers.dead((unit_id,)) is not None):
                 patience_ns = port.patience_ns
         if port is not None and self.answers.silences and not transaction.is_stop:
             self.answers.had_turn(id(port))
