@@ -51,6 +51,15 @@ LINE: Final = (
         "look at the drive: power, cable, unit id; see `drive-backed-off`",
     ),
     CounterEntry(
+        "too_late",
+        "too late to send",
+        "requests that were answered with 0x0B at once, and not sent, because their drive was silent: behind "
+        "the silence after its time-out they could have left only with less than half of their controller's "
+        "`timeout_ms` left; at most two in one silence, then a read is sent late",
+        "look at the drive, as for `timeouts`. Where it is well but slow, a shorter `drain_ms` or a longer "
+        "`timeout_ms` of the controller lets them be sent; `pitch-gateway probe CONFIG --timing` measures",
+    ),
+    CounterEntry(
         "withdrawn",
         "withdrawn",
         "requests that were not sent: their controller had given up on them, or a stop came after them",

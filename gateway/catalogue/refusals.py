@@ -247,5 +247,12 @@ REFUSALS: Final = (
         "from time to time: answered at once, on a serial controller's port too",
         "see `drive-backed-off`",
     ),
+    RefusalEntry(
+        0x0B,
+        "",
+        "the drive was silent, and the request could have left only with less than half of its controller's "
+        "`timeout_ms` left: it was not sent, and answered at once, on a serial controller's port too",
+        "see `drive-silent`; the counter `too_late` of the line says how often",
+    ),
 )
 """In the order of their codes."""

@@ -21,6 +21,8 @@ SHOWN: Final = (
     "refused",
     "late_replies",
     "late_targets",
+    "backed_off",
+    "too_late",
     "damaged",
     "crc_errors",
     "malformed",

@@ -29,6 +29,8 @@ LONGEST_RETRY_NS: Final = 10 * NS_PER_S
 """Between two trials; a drive that was switched on again is waited for no longer."""
 LATE_FOR_NS: Final = 600 * NS_PER_S
 """So long the whole line waits after each time-out of a unit that was late once."""
+UNASKED_AT_MOST: Final = 2
+"""So many requests in one silence are answered unasked; the next read waits for its end, and goes late."""
 STOPS_KNOWN: Final = 16
 """Different stops of one silent unit that are told apart; all others count as new."""
 
@@ -97,6 +99,8 @@ class Silence:
     """Until then a frame of it may come that answers nothing any more; 0: none may."""
     quiet_at_last_ns: int = 0
     """No such frame puts that off for longer."""
+    unasked: int = 0
+    """Requests that were answered in its place in this silence, for they could only have left too late."""
     due_ns: int = 0
     """While it is dead: it is tried again from then on."""
     retry_ns: int = 0
@@ -143,6 +147,7 @@ class Silence:
         """It has been quiet until now."""
         if self.quiet_ns <= now_ns:
             self.quiet_ns = 0
+            self.unasked = 0
 
     def try_again(self, now_ns: int) -> None:
         """It is tried now: until it has answered nothing else goes there."""
@@ -272,6 +277,31 @@ class Answers:
         """Whether a late frame may come from a unit id."""
         silence = self.silences.get(unit_id)
         return silence is not None and silence.quiet_ns > 0
+
+    # --- too late to send ------------------------------------------------------------------------------
+
+    def is_too_late(self, unit_id: int, now_ns: int, leave_by_ns: int, *, is_read: bool) -> bool:
+        """Whether a request could leave only after ``leave_by_ns``, behind the silence of its own unit id.
+
+        What counts is when the silence ends. A write is held against the clock too: a process that stood
+        still comes late to the end. A read that is the next one behind :data:`UNASKED_AT_MOST` such answers
+        is never too late: it asks the unit, and no controller fails for long without anybody having looked.
+        """
+        silence = self.silences.get(unit_id)
+        if silence is None or not silence.quiet_ns:
+            return False
+        if is_read:
+            return silence.quiet_ns > leave_by_ns and silence.unasked < UNASKED_AT_MOST
+        return max(silence.quiet_ns, now_ns) > leave_by_ns
+
+    def note_unasked(self, unit_id: int) -> None:
+        """A request was answered in the place of a unit id, which nothing is learned of from that."""
+        self.silences[unit_id].unasked += 1
+
+    def is_missed(self, unit_id: int) -> bool:
+        """Whether a unit id left its last request unanswered, and is still asked."""
+        silence = self.silences.get(unit_id)
+        return silence is not None and silence.reach in (Reach.MISSED_ONE, Reach.MISSED_TWO)
 
     # --- stops -----------------------------------------------------------------------------------------
 

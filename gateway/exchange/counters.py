@@ -21,6 +21,8 @@ class LineCounters:
     """The same by the name of the controller."""
     backed_off: int = 0
     """Requests that were answered at once because their drive had left three in a row unanswered."""
+    too_late: int = 0
+    """Requests that were answered at once because they could only have left too late behind a silence."""
     withdrawn: int = 0
     broadcasts: int = 0
     added_reads: int = 0

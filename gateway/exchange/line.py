@@ -253,6 +253,8 @@ class LineExchange(CuttingLine):
             self._deny(transaction, NO_ROOM, now_ns)
         elif self._is_answered_for(transaction, now_ns) and not self._is_behind(port):
             self._answer_for_dead(transaction, now_ns)
+        elif self._is_too_late(transaction, now_ns) and not self._is_behind(port):
+            self._answer_unasked(transaction, now_ns)
         else:
             self._gaps.is_watching |= not transaction.is_motion
             is_behind = self._waiting.has(port)
@@ -545,6 +547,8 @@ class LineExchange(CuttingLine):
             return
         if self._current is not None:
             self._time_out(self._current, now_ns)
+        if self.answers.owes:  # what comes too late to the end of a silence has to see that there was one
+            self._answer_waiting(now_ns)
         # Only here: a caller that comes late has read by then what had come (W6).
         self.rest.settle(now_ns)
         self.answers.settle(now_ns)
@@ -569,6 +573,8 @@ class LineExchange(CuttingLine):
         self._waits_until_ns = None
         while self._waiting.total and self._current is None:
             if self.rest.until_ns is not None or self.answers.silences:
+                if self.answers.owes:
+                    self._answer_waiting(now_ns)
                 chosen = self._choose(now_ns)
             elif not self._waiting.only_others:
                 self._start(self._waiting.pop(), now_ns)
@@ -629,7 +635,9 @@ class LineExchange(CuttingLine):
             return now_ns
         if self._is_answered_for(transaction, now_ns):
             return now_ns
-        return self.answers.free_ns(unit_id, now_ns, is_read=only_reads(transaction.pdu))
+        free_ns = self.answers.free_ns(unit_id, now_ns, is_read=only_reads(transaction.pdu))
+        # Then it is withdrawn, and keeps back nothing that waits behind it.
+        return min(free_ns, transaction.given_up_ns + 1)
 
     def _stop_from_ns(self, stop: Transaction) -> int:
         """Return from when on a stop may leave: the same stop to a silent unit starves nobody."""
@@ -668,17 +676,44 @@ class LineExchange(CuttingLine):
             axis.fall_silent(now_ns, now_ns)
         self._report(axes)
 
+    def _is_too_late(self, transaction: Transaction, now_ns: int) -> bool:
+        """Whether a request is answered by the gateway because it could only leave too late (W6).
+
+        That is what waits for the late frames of its own unit id: not of another one, nor for the rest of
+        the line. No stop, no read of the gateway's own, and nothing that may be a trial of a dead unit.
+        """
+        unit_id = transaction.unit_id
+        if not self.answers.owes_of(unit_id) or transaction.port is None or transaction.is_stop:
+            return False
+        leave_by_ns, is_read = transaction.leave_by_ns, only_reads(transaction.pdu)
+        is_too_late = self.answers.is_too_late(unit_id, now_ns, leave_by_ns, is_read=is_read)
+        return is_too_late and self._dead(unit_id) is None
+
+    def _answer_unasked(self, transaction: Transaction, now_ns: int) -> None:
+        """Answer in the place of a drive that was not asked: nothing is learned of it from that."""
+        self.answers.note_unasked(transaction.unit_id)
+        answer = Answer.TOO_LATE
+        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
+
     def _answer_waiting(self, now_ns: int) -> None:
-        """Answer what waits for a unit that is dead now, in the order of each controller."""
+        """Answer what waits for a unit that is dead now, or only to leave too late.
+
+        In the order of each controller.
+        """
         behind: set[int] = set()
         for transaction in tuple(self._waiting):
             port = transaction.port
             if transaction.is_stop or port is None or id(port) in behind:
                 continue
             is_denied = transaction.is_denied or bool(transaction.why_given_up(now_ns))
-            if self._is_answered_for(transaction, now_ns) and not is_denied:
+            if is_denied:
+                behind.add(id(port))
+            elif self._is_answered_for(transaction, now_ns):
                 self._waiting.take(transaction)
                 self._answer_for_dead(transaction, now_ns)
+            elif self._is_too_late(transaction, now_ns):
+                self._waiting.take(transaction)
+                self._answer_unasked(transaction, now_ns)
             else:
                 behind.add(id(port))
 
@@ -817,8 +852,10 @@ class LineExchange(CuttingLine):
         port = transaction.port
         if port is not None and port.patience_ns > patience_ns and transaction.added is None:
             # A read that tries a dead drive (W11) keeps the others waiting no longer than a drive may take.
-            is_trial = bool(self.answers.silences) and self.answers.dead((unit_id,)) is not None
-            if not (is_trial and only_reads(pdu)):
+            is_read = bool(self.answers.silences) and only_reads(pdu)
+            if is_read and self.answers.is_missed(unit_id) and now_ns > transaction.leave_by_ns:
+                patience_ns = max(patience_ns, transaction.given_up_ns - now_ns)  # the same, if it left late
+            elif not (is_read and self.answers.dead((unit_id,)) is not None):
                 patience_ns = port.patience_ns
         if port is not None and self.answers.silences and not transaction.is_stop:
             self.answers.had_turn(id(port))

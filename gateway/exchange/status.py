@@ -29,6 +29,7 @@ def line_status(line: LineExchange, now_ns: int) -> dict[str, Any]:
         "late_targets": counters.late_targets,
         "refused": counters.refused,
         "backed_off": counters.backed_off,
+        "too_late": counters.too_late,
         "withdrawn": counters.withdrawn,
         "broadcasts": counters.broadcasts,
         "added_reads": counters.added_reads,

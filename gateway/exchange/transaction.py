@@ -121,6 +121,8 @@ class Answer(Enum):
     """The same, but what may not be reached is as good as absent: 0x0A is silence on a serial line."""
     BACK_OFF = "back-off"
     """An exception at once, on serial lines too: the drive left three requests unanswered; counted apart."""
+    TOO_LATE = "too-late"
+    """The same: it could only have left too late behind the silence of its drive; counted apart."""
     ABSENCE = "absence"
     """An exception on TCP, silence on a serial line: the drive cannot be had."""
     NOTHING = "nothing"
@@ -308,6 +310,11 @@ class Transaction:
         """
         return NEVER_NS if self.port is None else self.arrived_ns + self.port.patience_ns // 2
 
+    @property
+    def given_up_ns(self) -> int:
+        """Latest instant at which its controller still waits for it (W5)."""
+        return NEVER_NS if self.port is None else self.arrived_ns + self.port.patience_ns
+
     # --- phases ----------------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> None:
@@ -408,7 +415,7 @@ class Transaction:
             return ""
         if self.is_orphan:
             return "its controller gave up on it"
-        if self.port is not None and now_ns - self.arrived_ns > self.port.patience_ns:
+        if now_ns > self.given_up_ns:
             return "it waited longer than its controller's timeout_ms"
         return ""
 
@@ -514,6 +521,8 @@ class Endings:
         port = transaction.port
         if answer is Answer.BACK_OFF:
             self._counters.backed_off += 1
+        elif answer is Answer.TOO_LATE:
+            self._counters.too_late += 1
         elif answer is not Answer.ABSENCE:
             self._counters.note_refusal(None if port is None else port.plan.name)
         is_absent = answer is Answer.ABSENCE or (

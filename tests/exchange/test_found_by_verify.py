@@ -139,12 +139,13 @@ def test_a_reading_that_fades_from_an_assumed_start_decides_no_branch_in_the_win
         to(1),  # 10 0606 0002 04 2330 0000: 9008
         OBEY,  # 10 0606 0002 04 23D5 0000: forward to 9173, not acknowledged
         WAIT,
-        to(0),  # 10 0606 0002 04 232F 0000: 9007
         WAIT,
+        to(0),  # 10 0606 0002 04 232F 0000: 9007
         ACK,  # 03 0520 0002 -> 2364 0000: 9060, between the branches
         ARRIVE,  # 10 0606 0002 04 235E 0000: half-way to 9054, flagged, lost; it stands at 9173
-        to(0),
         WAIT,
+        WAIT,
+        to(0),
         ACK,  # 03 0520 0002 -> 23D5 0000
         ACK,  # 10 0606 0002 04 23D4 0000: it has come there forward
     )
@@ -357,8 +358,8 @@ def test_the_first_setpoint_of_a_stream_given_again_on_its_way_there_is_the_same
         ACK,  # 03 0520 0002 -> 0000 0000
         OBEY,  # 10 0606 0002 04 2286 0000: 8838, never acknowledged
         WAIT,
-        READ,
         WAIT,
+        READ,
         ACK,  # 03 0520 0002 -> 05DD 0000
         to(1),
     )

@@ -70,8 +70,14 @@ LOST_NS: Final = 1_000 * MS
 class Ledger:
     """One line with its controllers and axes."""
 
-    def __init__(self, clock: Clock, book: Book, witnesses: dict[int, Witness]) -> None:
+    def __init__(
+        self, clock: Clock, book: Book, witnesses: dict[int, Witness], *, hush_ms: float = 0.0
+    ) -> None:
+        """``hush_ms``: so long a drive that did not answer is asked nothing, at most (W6)."""
         self.clock, self.book = clock, book
+        self._hush_ns = int(hush_ms * MS)
+        self._hushed_ns: dict[int, int] = {}
+        """Until when that may last, by unit id."""
         self.witnesses = witnesses
         self.judges = {unit: Judge(witness, book) for unit, witness in witnesses.items()}
         self._alone = next(iter(witnesses.values())) if len(witnesses) == 1 else None
@@ -402,6 +408,7 @@ class Ledger:
             return
         self._expiring = frame
         self._troubled_ns = self.clock.now_ns
+        self._hushed_ns[frame.unit] = self.clock.now_ns + self._hush_ns
         self.book.seen["time-outs"] += 1
         if frame.request is not None and frame.request.is_stop:
             self._missed_stops.add((frame.unit, frame.pdu))
@@ -493,17 +500,20 @@ class Ledger:
             self._pass_over(request)
         controller.pending.remove(request)
         self.book.seen[f"refused with {pdu[1]:#04x}"] += 1
+        # It could have left only too late, behind the silence of its drive: nothing is learned of that (W6).
+        is_hushed = self.clock.now_ns < self._hushed_ns.get(request.unit, 0)
+        is_too_late = pdu[1] == NO_RESPONSE and is_hushed and not request.is_stop
+        self.book.seen["too late to send"] += is_too_late
+        is_excused = self._troubled_ns >= request.arrived_ns or self._is_stopped(request) or is_too_late
         if request.is_foreign:
-            self._check_foreign_refusal(request, pdu[1])
+            self._check_foreign_refusal(request, pdu[1], is_excused=is_excused)
         elif controller.may_write:
-            is_excused = self._troubled_ns >= request.arrived_ns or self._is_stopped(request)
             self.judges[request.unit].check_refusal(request, pdu[1], is_excused=is_excused)
         self._lost(request, f"refused with {pdu[1]:#04x}")
-        if pdu[1] == NO_RESPONSE and not request.is_foreign:
+        if pdu[1] == NO_RESPONSE and not (request.is_foreign or is_too_late):
             self._fall_silent(request.unit, self.clock.now_ns)
 
-    def _check_foreign_refusal(self, request: Request, code: int) -> None:
-        is_excused = self._troubled_ns >= request.arrived_ns or self._is_stopped(request)
+    def _check_foreign_refusal(self, request: Request, code: int, *, is_excused: bool) -> None:
         if self.is_down:
             return
         if code == NO_CONNECTION[0] and request.parsed.write is not None:

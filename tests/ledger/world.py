@@ -7,6 +7,7 @@ from typing import Final
 
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan, LineTiming, Role
+from gateway.exchange.rest import LONGEST_DRAIN
 from tests.ledger.clock import Clock
 from tests.ledger.connections import TcpMaster
 from tests.ledger.controllers import Master, Script, SerialMaster
@@ -117,7 +118,8 @@ class World:
             layout.unit: Witness(self.clock, layout, screws[layout.unit], self.drives[layout.unit], book)
             for layout in setup.layouts
         }
-        self.ledger = Ledger(self.clock, book, witnesses)
+        hush_ms = LONGEST_DRAIN * DRAIN_MS if setup.has_serial_drives else 0.0
+        self.ledger = Ledger(self.clock, book, witnesses, hush_ms=hush_ms)
         self.stillness = Stillness(self.clock, self._rng, book)
         self._speeds = random_speeds(self._rng) if setup.is_cut(seed) else None
         is_cut = self._speeds is not None

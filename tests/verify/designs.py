@@ -294,6 +294,8 @@ DESIGNS: Final = (
 
 
 WAIT: Final = ("wait",)
+ASK_TO: Final = ("ask", 0, "to", 0, 0)
+ASK_READ: Final = ("ask", 0, "read", 0)
 ASK_TO_Y: Final = ("ask", 0, "to", 1, 0)
 
 
@@ -368,6 +370,21 @@ CLOSING: Final = (
         answers=("ack", "obey"),
         targets=(9007,),
         is_answered=False,
+    ),
+    _small(
+        "s-polled",
+        "a drive that is silent, and late, is read and written, whoever waits",
+        menu=("to", "read"),
+        answers=("ack",),
+        happenings=("wait", "arrive", "late"),
+        targets=(9007,),
+        is_answered=False,
+        checks_way_back=False,
+        ways=(
+            (ASK_READ, WAIT, ASK_READ, ASK_READ, ASK_READ, WAIT, ("drive", "ack")),
+            (ASK_READ, WAIT, ASK_READ, ASK_TO, ASK_TO, ASK_READ, WAIT, ("drive", "ack"), ASK_TO),
+            (ASK_READ, WAIT, ("late",), ASK_READ, ASK_READ, ASK_READ, WAIT, ("drive", "ack")),
+        ),
     ),
     _small("s-garbled", "answers that prove nothing", answers=("ack", "garble")),
     _small(

@@ -42,6 +42,8 @@ OLD_TICKS: Final = 3
 """A word that was lost so long ago belongs to no word that comes now: 200 ms."""
 PATIENCE_TICKS: Final = 1
 """So long a controller waits for an answer."""
+MOST_UNASKED: Final = 2
+"""So many reads are answered in one silence, and not sent."""
 LIMIT: Final = PositionField(0x0610, RegisterType.INT32, WordOrder.LOW_FIRST)
 """A position that the drive compares its own with."""
 LIMIT_COUNTS: Final = 9507
@@ -150,6 +152,8 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
             raise BrokenRuleError(f"a stop had to wait for {request.ticks} ticks (2)")
     elif _is_late(world, request) and world.design.plans[number].late is Late.REJECT:
         raise BrokenRuleError(f"sent, and it is late: {pdu.hex(' ')} (2)")
+    elif request.is_owed and pdu[0] != 3 and 2 * request.ticks > PATIENCE_TICKS and not world.design.retry_ms:
+        raise BrokenRuleError(f"sent too late behind the silence of its own drive: {pdu.hex(' ')} (2, W6)")
     elif request.ticks > PATIENCE_TICKS:
         raise BrokenRuleError(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
     reads_place = pdu[0] == 3 and (pdu[1] << 8 | pdu[2], 2) in READABLE
@@ -975,6 +979,60 @@ def note_silence(world: "World", wire: "Wire") -> None:
         end(world, wire.owner, request)
 
 
+def begin_to_hush(world: "World", number: int, ticks: int) -> None:
+    """A drive did not answer: on a serial line it is asked nothing before it was silent for a while (W6)."""
+    if not world.design.is_serial:
+        return
+    _set_hush(world, number, ticks)
+    asked = tuple(
+        tuple(each._replace(is_owed=each.is_owed or each.axis == number) for each in own)
+        for own in world.state.asked
+    )
+    world.state = world.state._replace(asked=asked)
+
+
+def go_on_hushing(world: "World", number: int) -> None:
+    """A frame of a drive came late: its silence begins anew."""
+    if world.state.axes[number].hush_ticks:
+        begin_to_hush(world, number, 1)
+
+
+def hush(world: "World") -> None:
+    """A tick has passed."""
+    for number, axis in enumerate(world.state.axes):
+        if axis.hush_ticks:
+            _set_hush(world, number, axis.hush_ticks - 1)
+
+
+def end_hush(world: "World") -> None:
+    """No drive owes a silence of its own."""
+    for number in range(len(world.state.axes)):
+        _set_hush(world, number, 0)
+
+
+def _set_hush(world: "World", number: int, ticks: int) -> None:
+    axes = list(world.state.axes)
+    unasked = axes[number].unasked if ticks else 0
+    axes[number] = axes[number]._replace(hush_ticks=ticks, unasked=unasked)
+    world.state = world.state._replace(axes=tuple(axes))
+
+
+def _judge_unasked(world: "World", request: "Asked") -> None:
+    """What is answered at once and not sent, as if its drive had not answered, has a reason (2, W6)."""
+    if request.pdu[0] != 3 or world.design.retry_ms > 0:
+        return
+    if not request.is_owed:
+        raise BrokenRuleError(f"answered for a drive that owes no silence: {request.pdu.hex(' ')} (2, W6)")
+    axis = world.state.axes[request.axis]
+    if request.ticks or not axis.hush_ticks:
+        return  # it has waited: a frame that it needed first may have been left unanswered
+    if axis.unasked >= MOST_UNASKED:
+        raise BrokenRuleError(f"answered a third time, and nobody has asked: {request.pdu.hex(' ')} (2, W6)")
+    axes = list(world.state.axes)
+    axes[request.axis] = axis._replace(unasked=axis.unasked + 1)
+    world.state = world.state._replace(axes=tuple(axes))
+
+
 def owe_early_stop(world: "World", wire: "Wire") -> None:
     """A stop that left early and was not answered leaves once more, for whoever waits for it still (M3)."""
     if not wire.is_early:
@@ -1123,6 +1181,8 @@ def _judge_refusal(world: "World", port: int, request: "Asked", pdu: bytes, *, i
     may_write = not (plan.rights.is_read_only or plan.role is Role.MONITOR)
     if not may_write and request.pdu[0] != 3 and pdu[1] != 1:
         raise BrokenRuleError(f"what has no right to write is answered {pdu.hex(' ')} (W9)")
+    if pdu[1] == NO_ANSWER and not (is_own or request.is_sent):
+        _judge_unasked(world, request)
     # The newest of a stop that is repeated stands for those before it: they count as unanswered.
     same = [each for each in world.state.asked[port] if each.pdu == request.pdu]
     is_repeated = pdu[1] == NO_ANSWER and bool(same) and world.design.retry_ms > 0

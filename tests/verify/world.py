@@ -225,6 +225,8 @@ class Asked(NamedTuple):
     is_broadcast: bool = False
     goes_again: bool = False
     """A stop that left early and was not answered."""
+    is_owed: bool = False
+    """Its drive owed a silence when it came, or since."""
 
 
 class Belief(NamedTuple):
@@ -339,6 +341,10 @@ class Axis(NamedTuple):
     """The gateway was told what that holds, or its mode register."""
     held: Tried | None = None
     """The target that it was told, over being switched off and on, until something is written to it."""
+    hush_ticks: int = 0
+    """So long the line waits for a late frame of its drive."""
+    unasked: int = 0
+    """Reads that were answered at once meanwhile, and not sent."""
     read_counts: int | None = None
     """Where it was read last; None: never, or another zero counts since."""
 
@@ -771,7 +777,9 @@ class World:
             self._give_up(port)  # what it asked before is withdrawn, or is answered for nobody
         asked = list(self.state.asked)
         is_broadcast = name.endswith("-all")
-        asked[port] = (*asked[port], Asked(pdu, transaction_id, axis=axis, is_broadcast=is_broadcast))
+        is_owed = self.state.axes[axis].hush_ticks > 0 and not is_broadcast
+        request = Asked(pdu, transaction_id, axis=axis, is_broadcast=is_broadcast, is_owed=is_owed)
+        asked[port] = (*asked[port], request)
         order = (*self.state.order, (port, transaction_id))
         self.state = self.state._replace(asked=tuple(asked), order=order)
         unit_id = BROADCAST_UNIT_ID if is_broadcast else self.design.plans[axis].unit_id
@@ -827,6 +835,7 @@ class World:
         late = self.state.late
         assert late is not None
         self.state = self.state._replace(late=None)
+        rules.go_on_hushing(self, facts.number_of(self, late.unit_id))
         reply = self.reply_to(late) if late.is_obeyed else self._obey(late)
         for side in self.sides:
             side.stray(late.unit_id, reply, self.now_ns)
@@ -845,6 +854,7 @@ class World:
             for side in self.sides:
                 side.reply(wire.unit_id, reply, self.now_ns)
             rules.owe_early_stop(self, wire)
+            rules.go_on_hushing(self, facts.number_of(self, wire.unit_id))
             facts.unanswered(self, wire, has_said_something=True)
             rules.note_silence(self, wire)
             self._collect()
@@ -869,6 +879,7 @@ class World:
                 tuple(b._replace(ticks=min(b.ticks + 1, OLD_TICKS)) for b in own) for own in state.beliefs
             )
         self.state = state._replace(late=late, axes=axes, asked=asked, beliefs=beliefs)
+        rules.hush(self)
         wire = state.wire
         is_prepared = wire is not None and wire.owner < 0 and not rules.is_stop(wire.pdu)
         first = next(((p, t) for p, t in state.order if not rules.find(self, p, t).is_sent), None)
@@ -1018,6 +1029,7 @@ class World:
 
     def _on_unplug(self) -> None:
         self.state = self.state._replace(is_up=False, owed_stops=0, given_up=())
+        rules.end_hush(self)  # the whole line is silent when it comes up
         self._forget_runs()
         wire = self.state.wire
         if wire is not None:
@@ -1091,6 +1103,7 @@ class World:
         """``is_whole``: every axis has the record that was written last (else none of a group counts)."""
         wire = self.state.wire
         is_clean = (self.state.table, self.state.is_gain_half, self.state.is_wanted) == (0, False, True)
+        rules.end_hush(self)
         for port in range(len(self.state.asked)):
             self._give_up(port)
         for side, fresh in zip(self.sides, self._fresh, strict=True):
@@ -1358,6 +1371,7 @@ class World:
             rules.owe_early_stop(self, wire)
             facts.unanswered(self, wire)
             rules.note_silence(self, wire)
+            rules.begin_to_hush(self, facts.number_of(self, wire.unit_id), DRAIN_TICKS)
             rules.forget_stop(self, facts.number_of(self, wire.unit_id))
             late = (
                 wire._replace(ticks_left=self.design.late_ticks)

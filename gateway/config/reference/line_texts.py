@@ -16,8 +16,9 @@ LINE: Final[Texts] = {
             "RTU drives: silence that must follow a time-out before its unit id is asked again, so that a "
             "late reply answers nothing else. Reads of other unit ids need not wait for it, writes do, "
             "unless the silent drive has left three requests in a row unanswered and was never late; one "
-            "that was late keeps everybody waiting for ten minutes after. Refused with `tcp` drives, "
-            "whose replies carry a number"
+            "that was late keeps everybody waiting for ten minutes after. What waits for its own unit id "
+            "and could leave only with less than half of its controller's `timeout_ms` left gets 0x0B at "
+            "once instead (counter `too_late`). Refused with `tcp` drives, whose replies carry a number"
         ),
         default="`response_timeout_ms`",
     ),

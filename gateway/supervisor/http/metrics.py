@@ -32,6 +32,7 @@ LINE_COUNTERS: Final = (
     "late_targets",
     "refused",
     "backed_off",
+    "too_late",
     "withdrawn",
     "broadcasts",
     "added_reads",

@@ -51,6 +51,7 @@ LINE = {
     "late_targets": 0,
     "refused": 2,
     "backed_off": 0,
+    "too_late": 0,
     "withdrawn": 0,
     "broadcasts": 0,
     "added_reads": 0,

@@ -1,0 +1,49 @@
+"""A line of which one unit id does not answer, and a controller that polls it in turn with another one."""
+
+from typing import Any, Final
+
+from gateway.exchange.plan import ControllerPlan, LineTiming
+from tests.exchange.line_bench import Bench, Port
+
+OTHER: Final = bytes.fromhex("03 0700 0001")
+ANSWER: Final = bytes.fromhex("03 02 0005")
+SILENT: Final = bytes.fromhex("83 0B")
+
+
+def line(*plans: Any, tcp_drive: bool = False, serial: bool = False, **timing: float) -> Bench:
+    """Time-outs of 100 ms, silences of 50 ms; the first trial after 200 ms."""
+    times = {"response_timeout_ms": 100.0, "drain_ms": 50.0, "retry_ms": 200.0, **timing}
+    bench = Bench(*plans, timing=LineTiming(**times), serial=serial, tcp_drive=tcp_drive)
+    bench.port = controller("plc", serial=serial)
+    return bench
+
+
+def controller(name: str, *, serial: bool = False, timeout_ms: float = 100.0) -> Port:
+    return Port(ControllerPlan(name, timeout_ms=timeout_ms, serial=serial))
+
+
+def polled_in_turn(bench: Bench, seconds: float, takes_ms: int = 1) -> list[tuple[bool, int, float | None]]:
+    """Let one controller read unit 1, which takes 1 ms to answer, and unit 2, which is dead, in turn.
+
+    It waits for each answer as long as its time-out is, then goes on. Returns for each request whether unit 2
+    had left three unanswered before, the unit id, and the ms that its answer took; None: it did not come.
+    """
+    asked: list[tuple[bool, int, float | None]] = []
+    patience_ms, until_ns, unit_id = bench.port.plan.timeout_ms, bench.now_ns + seconds * 1e9, 1
+    while bench.now_ns < until_ns:
+        is_third, number, took_ms = "drive-backed-off" in bench.kinds()[:5], len(asked), 0.0
+        bench.port.replies.clear()
+        bench.send(OTHER, unit_id=unit_id, transaction_id=number)
+        left_ms = 0
+        while (is_open := number not in [n for n, _, _ in bench.port.replies]) and took_ms < patience_ms:
+            if (1, OTHER) in bench.link.sent:
+                left_ms = takes_ms
+            bench.link.sent.clear()
+            bench.wait(1)
+            took_ms += 1
+            left_ms -= 1
+            if left_ms == 0:
+                bench.line.reply(1, ANSWER, bench.now_ns)
+        asked.append((is_third, unit_id, None if is_open else took_ms))
+        unit_id = 3 - unit_id
+    return asked
