@@ -36,6 +36,15 @@ WRONG_UNIT: Final = EventEntry(
     "a drive or converter that answers with 0, 1 or 255 whatever it is asked, or two drives with one address",
     "where the one drive of the line answers so, set `answers_as`; else look at the unit ids of the drives",
 )
+OTHER_TRANSACTION_ID: Final = EventEntry(
+    "other-transaction-id",
+    Severity.WARNING,
+    "a Modbus/TCP drive answers, but with another transaction id than it was asked with: nobody can tell "
+    "what such a reply answers, so it answers nothing; told once for each unit id",
+    "a server or converter that answers with transaction id 0, or a fixed one, whatever it is asked",
+    "bring its firmware up to date, or put a converter in its place that returns the transaction id; where "
+    "it speaks RTU over TCP, use `rtu_over_tcp`",
+)
 LINE_RESTS: Final = EventEntry(
     "line-rests",
     Severity.WARNING,

@@ -47,6 +47,16 @@ DRIVE_GARBLED: Final = TroubleEntry(
     title="Drive not understood",
     cuts_off=True,
 )
+OTHER_ID: Final = TroubleEntry(
+    "other-transaction-id",
+    Severity.ERROR,
+    "a Modbus/TCP drive answers with another transaction id than it was asked with: no reply of it counts",
+    "a server or converter that answers with transaction id 0, or a fixed one, whatever it is asked",
+    "bring its firmware up to date, or put a converter in its place that returns the transaction id; where "
+    "it speaks RTU over TCP, use `rtu_over_tcp`",
+    title="Wrong transaction id",
+    cuts_off=True,
+)
 DRIVE_SILENT: Final = TroubleEntry(
     "drive-silent",
     Severity.ERROR,
@@ -258,8 +268,9 @@ _OF_RELAY: Final = tuple(
 HIDES: Final[Mapping[TroubleEntry, tuple[TroubleEntry, ...]]] = {
     RELAY_DOWN: _OF_RELAY,
     RELAY_SILENT: _OF_RELAY,
-    LINE_DOWN: (DRIVE_GARBLED, DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
+    LINE_DOWN: (DRIVE_GARBLED, OTHER_ID, DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
     DRIVE_GARBLED: (DRIVE_SILENT, DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
+    OTHER_ID: (DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
     DRIVE_SILENT: (DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
     CONTROLLER_GARBLED: (CONTROLLER_DAMAGED,),
     WRONG_UNIT_ID: (UNKNOWN_UNIT, UNHEARD_CONTROLLER, UNIT_SILENT),

@@ -198,9 +198,10 @@ def _text(found: "AxisReadings") -> "Iterator[str]":
 
     plan = found.plan
     units = plan.settings.units.value
-    yield f"axis {plan.name}, unit id {plan.unit_id}: {'answers' if found.answers else 'no answer'}"
+    answers = found.instead or ("answers" if found.answers else "no answer")
+    yield f"axis {plan.name}, unit id {plan.unit_id}: {answers}"
     bits = [f"{name} {_bit(found.bit(name))}" for name in plan.bits]
-    if bits and found.answers:
+    if bits and found.answers and not found.instead:
         yield f"  bits       {', '.join(bits)}"
     for name, reading in found.readings.items():
         if not reading.words or reading.place.field is None:

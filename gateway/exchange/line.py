@@ -950,6 +950,10 @@ class LineExchange(CuttingLine):
                 frame.axis.lose_restaged(frame.rendering, NO_RESPONSE, why)
         self._ends.finish(transaction, outcome, now_ns, code=NO_RESPONSE, answer=Answer.ABSENCE)
 
+    def _unanswered_by(self, unit_id: int) -> str:
+        """Name a unit id that did not answer, and say what it did instead where that is known."""
+        return f"unit id {unit_id} {self._link.came_instead(unit_id)}".rstrip()
+
     def _time_out(self, transaction: Transaction, now_ns: int) -> None:
         self._link.abandon()
         if self.cuts is not None:
@@ -961,7 +965,7 @@ class LineExchange(CuttingLine):
             self.answers.askers.add((transaction.port.plan.name, unit_id))
         silence, has_died = self.answers.miss(unit_id, transaction.sent_ns, now_ns)
         if silence.timeouts == 1:
-            self._on_event(Event(EventKind.DRIVE_SILENT, None, f"unit id {unit_id}"))
+            self._on_event(Event(EventKind.DRIVE_SILENT, None, self._unanswered_by(unit_id)))
         if self._units.have_rules and self._units.stops_of(self._units.frames_of(transaction)):
             others = {id(each.port) for each in self._waiting if each.port not in (None, transaction.port)}
             self.answers.miss_stop(unit_id, transaction.pdu, others, now_ns)
@@ -976,6 +980,6 @@ class LineExchange(CuttingLine):
             axis.fall_silent(transaction.sent_ns, now_ns)
         self._report(axes)
         if has_died and self.answers.backs_off:
-            self._on_event(Event(EventKind.DRIVE_BACKED_OFF, None, f"unit id {unit_id}"))
+            self._on_event(Event(EventKind.DRIVE_BACKED_OFF, None, self._unanswered_by(unit_id)))
             self._answer_waiting(now_ns)
         self._gaps.ended(transaction, now_ns, silence.quiet_ns or None)

@@ -152,6 +152,10 @@ class RecordedLink(DriveLink):
         self._sink.frame(ABANDONED, 0, 0, b"")
         self._link.abandon()
 
+    def came_instead(self, unit_id: int) -> str:
+        """See ``DriveLink``."""
+        return self._link.came_instead(unit_id)
+
     def may_lead(self, now_ns: int) -> bool:
         """See ``DriveLink``."""
         return self._link.may_lead(now_ns)

@@ -110,6 +110,13 @@ def _warning(text: str) -> Finding:
 
 
 def _answers(found: AxisReadings) -> Iterator[Finding]:
+    if found.instead:
+        yield _error(
+            f"unit id {found.plan.unit_id} {found.instead}: such a reply answers nothing; bring the firmware "
+            "of the drive or its converter up to date, or put a converter in its place that returns the "
+            "transaction id; where it speaks RTU over TCP, use rtu_over_tcp"
+        )
+        return
     if found.readings and not found.answers:
         problem = next(iter(found.readings.values())).problem
         yield _error(
