@@ -17,8 +17,8 @@ from gateway.supervisor.http.refusals import Refused, tell_nobody
 
 READS: Final = frozenset(("GET", "HEAD"))
 HOSTLESS: Final = frozenset(("/healthz", "/metrics"))
-"""What programs that speak HTTP/1.0 ask for without saying whom they mean: load balancers, simple monitors. No
-browser leaves ``Host`` out, so no page from elsewhere can; HTTP/1.1 has to have it (RFC 9112, 3.2)."""
+"""What programs that speak HTTP/1.0 ask for without saying whom they mean: load balancers, simple monitors.
+No browser leaves ``Host`` out, so no page from elsewhere can; HTTP/1.1 has to have it (RFC 9112, 3.2)."""
 VERSIONS: Final = frozenset(("1.0", "1.1"))
 NOT_THERE: Final = 404
 _NEVER: Final = frozenset((400, 405, 411, 413, 414, 415, 421, 431, 505))
