@@ -296,14 +296,17 @@ class LineExchange(CuttingLine):
             self._thin_out(stop, now_ns)
         self._next(now_ns)
 
-    def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
-        """Withdraw what a closed connection still has waiting (W5)."""
+    def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
+        """Withdraw what a closed connection still has waiting (W5).
+
+        ``is_broken``: its controller did not close it; see ``Ownership.gone`` for what that costs (M1).
+        """
         if self.cuts is not None:
             self.cuts.gone(port, now_ns)
             if self._current is not None and self._current.port is port:
                 self.cuts.reply.end(Turn.LOST, now_ns)
         self._give_up(port, "its connection closed", now_ns)
-        self._admission.gone(port, now_ns)
+        self._admission.gone(port, now_ns, is_broken=is_broken)
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""

@@ -56,8 +56,16 @@ class Ownership:
         """Note a connection that asks for something the first time."""
         self._connections[port.writer] = self._connections.get(port.writer, 0) + 1
 
-    def gone(self, port: ControllerPort, now_ns: int) -> None:
-        """Note that such a connection is gone: after the last one its writer soon lets go of every axis."""
+    def gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool) -> None:
+        """Note that such a connection is gone: after the last one its writer soon lets go of every axis.
+
+        A part of a position that never reached its drive is not completed by what comes on another one. A
+        part that the drive has acknowledged is, unless the connection broke off: a controller may close its
+        own after each request.
+        """
+        for axis in self._axes:
+            if axis.hold.is_shared or axis.hold.writer in ("", port.writer):
+                axis.forget_parts(also_buffered=is_broken)
         left = self._connections.pop(port.writer, 1) - 1
         if left > 0:
             self._connections[port.writer] = left

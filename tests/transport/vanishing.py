@@ -1,7 +1,7 @@
-"""Peers that vanish, in a network of their own; a program of ``test_vanished_peers.py``. Prints what came of it.
+"""Peers that vanish, in a network of their own: a program of ``test_vanished_peers.py`` that says what came.
 
-A rule of the routing drops all that the peer's port sends, so it acknowledges nothing any more: as a controller
-whose power went. One whose computer has started again has no socket any more, and resets what it is asked.
+A rule of the routing drops all that the port of the peer sends, so it acknowledges nothing any more, as a
+controller whose power went. One that has started again has no socket any more, and resets what it is asked.
 """
 
 import asyncio
@@ -96,7 +96,7 @@ def main() -> None:
     for command in ("link set lo up", "rule add pref 100 lookup local", "rule del pref 0"):
         ip(command)
     with asyncio.Runner(loop_factory=RelayLoop) as runner:
-        print(json.dumps(runner.run(vanishes(sys.argv[1]))))
+        sys.stdout.write(json.dumps(runner.run(vanishes(sys.argv[1]))))
 
 
 if __name__ == "__main__":

@@ -181,6 +181,15 @@ class FieldImage:
         if stays_buffered and self.completeness is Completeness.PARTS_LOST:
             self.completeness = Completeness.PARTS_BUFFERED
 
+    def forget_parts(self, *, also_buffered: bool) -> None:
+        """The connection of some parts has ended: nothing that comes on another one completes them.
+
+        ``also_buffered``: nor those that the drive has acknowledged.
+        """
+        is_buffered = self.completeness is Completeness.PARTS_BUFFERED
+        if self.completeness is Completeness.PARTS_LOST or (is_buffered and also_buffered):
+            self.tear()
+
     def lose(self, first: int, words: bytes, arrived_ns: int) -> None:
         """Note a part that never reached the drive; it counts when the other parts follow soon.
 

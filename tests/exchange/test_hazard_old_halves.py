@@ -1,0 +1,78 @@
+"""Halves that an old connection left behind: those of a newer one never complete them (M1, M3)."""
+
+import pytest
+
+from gateway.exchange.axis.registers import Completeness, FieldImage
+from gateway.exchange.plan import ControllerPlan
+from tests.exchange.line_bench import COMMAND, Bench, Port, axis_plan
+
+HIGH_1 = bytes.fromhex("06 0607 0001")
+LOW_4 = bytes.fromhex("06 0606 0004")
+REFUSED = bytes.fromhex("86 04")
+READ = bytes.fromhex("03 0700 0001")
+
+
+@pytest.mark.parametrize("is_broken", [False, True])
+def test_m1_a_half_that_was_refused_is_not_completed_over_a_newer_connection(*, is_broken: bool) -> None:
+    # From 65 530 to 65 540 = 0x0001_0004: the high half alone makes 131 066, outside the travel.
+    bench = Bench(axis_plan(travel=(0.0, 100.0)), serial=False)
+    bench.move(65_530)
+    told = bench.memory.get(COMMAND)
+    assert bench.ask(HIGH_1) == REFUSED
+    bench.line.controller_gone(bench.port, bench.now_ns, is_broken=is_broken)
+    bench.port = Port(ControllerPlan("cnc"))
+    assert bench.ask(LOW_4) == REFUSED  # before: 06 0606 0004, and the drive at 65 550
+    assert bench.memory.get(COMMAND) == told
+    assert bench.ask(HIGH_1) == HIGH_1  # both of its own
+    assert bench.memory.get(COMMAND) == 65_550
+
+
+def test_m1_a_half_that_was_withdrawn_with_its_connection_is_not_completed_either() -> None:
+    bench = Bench(axis_plan(), serial=False)
+    bench.move(65_530)
+    told = bench.memory.get(COMMAND)
+    bench.send(READ, Port(ControllerPlan("hmi")))
+    bench.send(HIGH_1)  # waits behind the other controller's read
+    bench.line.controller_gone(bench.port, bench.now_ns)
+    newer = Port(ControllerPlan("cnc"))
+    bench.send(LOW_4, newer)
+    bench.serve()
+    assert newer.take() == REFUSED
+    assert bench.memory.get(COMMAND) == told
+
+
+@pytest.mark.parametrize(
+    ("before", "is_broken", "after"),
+    [
+        (Completeness.WHOLE, False, Completeness.WHOLE),
+        (Completeness.WHOLE, True, Completeness.WHOLE),
+        (Completeness.TORN, False, Completeness.TORN),
+        (Completeness.TORN, True, Completeness.TORN),
+        (Completeness.PARTS_LOST, False, Completeness.TORN),
+        (Completeness.PARTS_LOST, True, Completeness.TORN),
+        # A controller that connects anew for each request goes on with the other half.
+        (Completeness.PARTS_BUFFERED, False, Completeness.PARTS_BUFFERED),
+        (Completeness.PARTS_BUFFERED, True, Completeness.TORN),
+    ],
+)
+def test_what_the_end_of_a_connection_leaves_of_a_position(
+    before: Completeness, *, is_broken: bool, after: Completeness
+) -> None:
+    image = FieldImage(COMMAND)
+    image.settle(bytes(4), bytes(4))
+    match before:
+        case Completeness.TORN:
+            image.tear(5)
+        case Completeness.PARTS_LOST:
+            image.lose(0, b"\0\1", 5)
+        case Completeness.PARTS_BUFFERED:
+            image.buffer(0, b"\0\1", 5)
+    assert image.completeness is before
+    image.forget_parts(also_buffered=is_broken)
+    assert image.completeness is after
+    completed = {
+        Completeness.WHOLE: bytes.fromhex("0000 0004"),
+        Completeness.TORN: None,
+        Completeness.PARTS_BUFFERED: bytes.fromhex("0001 0004"),
+    }
+    assert image.completed(1, b"\0\4", 10) == completed[after]
