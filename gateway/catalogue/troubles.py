@@ -36,6 +36,14 @@ LINE_DOWN: Final = TroubleEntry(
     title="Line down",
     cuts_off=True,
 )
+ADAPTER_ECHOES: Final = TroubleEntry(
+    "adapter-echoes",
+    Severity.ERROR,
+    "what is sent to the drives of a line comes back, and the configuration does not say so: the return of a "
+    "write is taken for its acknowledgement",
+    "an RS-485 adapter whose receiver stays on while it sends, or a device server with an echo",
+    "set `echo = true` for the drives of the line; switch the echo of a device server off",
+)
 DRIVE_GARBLED: Final = TroubleEntry(
     "drive-garbled",
     Severity.ERROR,
@@ -269,6 +277,7 @@ HIDES: Final[Mapping[TroubleEntry, tuple[TroubleEntry, ...]]] = {
     RELAY_DOWN: _OF_RELAY,
     RELAY_SILENT: _OF_RELAY,
     LINE_DOWN: (DRIVE_GARBLED, OTHER_ID, DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
+    ADAPTER_ECHOES: (DRIVE_DAMAGED,),
     DRIVE_GARBLED: (DRIVE_SILENT, DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
     OTHER_ID: (DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
     DRIVE_SILENT: (DRIVE_DAMAGED, BLOCKED, UNREFERENCED),

@@ -33,8 +33,8 @@ def check_http(findings: Findings, http: HttpSection, lines: Mapping[str, LineSe
             KEY,
             f"{place} takes IPv6 connections alone",
             f'for IPv4 alone write listen = "0.0.0.0:{place.port}"; for both have a proxy of yours in '
-            "front, which reaches the page at 127.0.0.1; for IPv6 alone name the address of this machine that "
-            "it is for",
+            "front, which reaches the page at 127.0.0.1; for IPv6 alone name the address of this machine "
+            "that it is for",
         )
 
 

@@ -14,6 +14,7 @@ from gateway.exchange.cut_line import ReplyCutter
 from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, answers_with, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
+from gateway.modbus.rtu_replies import RETURNED_OFTEN
 from gateway.relay.pacing import PacedSender
 from gateway.relay.timed import TimedExchange
 from gateway.transport.channel import Channel
@@ -78,6 +79,11 @@ class Link(DriveLink):
         self.other_ids: dict[int, OtherIds] = {}
         """The same of those to which a reply with another transaction id came. RTU has none."""
 
+    @property
+    def returns_requests(self) -> bool:
+        """Whether what is sent comes back, and nobody said so."""
+        return False
+
     def attach(self, exchange: TimedExchange) -> None:
         """Name the exchange that gets the replies; before the first byte."""
         raise NotImplementedError
@@ -112,12 +118,21 @@ class RtuDriveLink(Link):
 
     ``gap_ns``: silence that the drives want before each request; ``wire_gap_ns``: what a wire wants.
     ``has_echo``: what is sent comes back; of requests that leave in pieces it is taken out here.
+    ``on_return`` is called once where it comes back without that.
     """
 
     def __init__(
-        self, gap_ns: int, decoder: RtuReplyDecoder, wire_gap_ns: int = 0, *, has_echo: bool = False
+        self,
+        gap_ns: int,
+        decoder: RtuReplyDecoder,
+        wire_gap_ns: int = 0,
+        *,
+        has_echo: bool = False,
+        on_return: Callable[[], None] = lambda: None,
     ) -> None:
         super().__init__(is_serial=True)
+        self._on_return = on_return
+        self._has_told_return = False
         self._decoder = decoder
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
@@ -133,6 +148,11 @@ class RtuDriveLink(Link):
         self._damaged_before = 0
         """Damage that was there when the newest request was sent."""
         self.stamps = self._sender.stamps
+
+    @property
+    def returns_requests(self) -> bool:
+        """See ``Link``."""
+        return self._decoder.returned >= RETURNED_OFTEN
 
     def attach(self, exchange: TimedExchange) -> None:
         """See ``Link``."""
@@ -203,6 +223,9 @@ class RtuDriveLink(Link):
         counters = decoder.counters
         stray_bytes, frames = counters.stray_bytes, counters.stray_frames + counters.foreign
         replies = decoder.feed(data, now_ns)
+        if decoder.returned >= RETURNED_OFTEN and not self._has_told_return:
+            self._has_told_return = True
+            self._on_return()
         is_frame = counters.stray_frames + counters.foreign != frames
         if is_frame or counters.stray_bytes != stray_bytes:
             self._exchange.stray(now_ns, unit_id=decoder.late_unit_id if is_frame else -1)

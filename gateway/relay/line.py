@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.catalogue.line_events import (
+    ADAPTER_ECHOES,
     DRIVES_NOT_REACHED,
     FRAMES_NOT_KEPT,
     LINE_RESTS,
@@ -55,7 +56,7 @@ from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.errors import TransportError
-from gateway.transport.framing import endpoint_key, frame_silence_ns, reply_decoder
+from gateway.transport.framing import endpoint_key, frame_silence_ns, reply_decoder, returns_requests
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpConnector
 
@@ -80,7 +81,7 @@ class Line:
         self.tape = _make_tape(plan, journal) if recorder is None and plan.tape_bytes else None
         """What is kept of its last minutes."""
         self._journal = journal
-        self._link = _make_link(plan, self._wrong_unit, self._other_id)
+        self._link = _make_link(plan, self._wrong_unit, self._other_id, self._returned)
         sink = self._make_sink(recorder)
         link = self._link if sink is None else RecordedLink(self._link, sink)
         self._exchange = LineExchange(
@@ -253,6 +254,7 @@ class Line:
             "computed": self._computed,
             **self._link.counters(),
             "drives": {
+                "echo": returns_requests(self.plan.drives) if self._link.returns_requests else "",
                 "address": str(self.plan.drives),
                 "failure": self._drives.failure,
                 "opens": self._drives.opens,
@@ -375,6 +377,10 @@ class Line:
         detail = f"unit id {unit_id} {other_ids}: its replies answer nothing"
         self._journal.note(OTHER_TRANSACTION_ID, line=self.plan.name, detail=detail)
 
+    def _returned(self) -> None:
+        detail = f"{self.plan.drives}: {returns_requests(self.plan.drives)}"
+        self._journal.note(ADAPTER_ECHOES, line=self.plan.name, detail=detail)
+
     def _drives_failed(self, why: str) -> None:
         self._journal.note(DRIVES_NOT_REACHED, line=self.plan.name, detail=why)
 
@@ -412,6 +418,7 @@ def _make_link(
     plan: LinePlan,
     on_wrong_unit: Callable[[int, int], None],
     on_other_id: Callable[[int, OtherIds], None],
+    on_return: Callable[[], None],
 ) -> Link:
     gap_ns = int(plan.timing.gap_ms * NS_PER_MS)
     if isinstance(plan.drives, TcpEndpoint) and not plan.drives.rtu:
@@ -421,7 +428,8 @@ def _make_link(
     refused_reads = {axis.unit_id: 0 for axis in plan.axes}
     refused_reads |= {axis.unit_id: axis.refused_read for axis in plan.axes if axis.refused_read}
     has_echo = isinstance(plan.drives, SerialEndpoint) and plan.drives.echo
-    return RtuDriveLink(gap_ns, reply_decoder(plan.drives, refused_reads), wire_gap_ns, has_echo=has_echo)
+    decoder = reply_decoder(plan.drives, refused_reads)
+    return RtuDriveLink(gap_ns, decoder, wire_gap_ns, has_echo=has_echo, on_return=on_return)
 
 
 def _cut_wire(plan: LinePlan) -> Wire | None:

@@ -132,6 +132,8 @@ def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
             f"the drives at {line['drives']['address']} cannot be reached{f': {failure}' if failure else ''}"
         )
         yield Trouble(kinds.LINE_DOWN, place, where, what, axes)
+    if echo := line["drives"].get("echo"):
+        yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{line['drives']['address']}: {echo}")
     unit_ids = line.get("unit_ids", _NOT_TOLD)
     yield from _of_drives(name, unit_ids)
     yield from _of_damage(name, line)

@@ -56,6 +56,11 @@ class _Framing(Protocol):
         """When the line has been silent for long enough to tell."""
         ...
 
+    @property
+    def returned(self) -> int:
+        """How many reads of registers in a row came back."""
+        ...
+
     def request(self, unit_id: int, pdu: bytes) -> bytes:
         """Return the frame of a request, and expect its reply."""
         ...
@@ -81,6 +86,10 @@ class _RtuFraming:
     def deadline_ns(self) -> int | None:
         return self._decoder.deadline_ns
 
+    @property
+    def returned(self) -> int:
+        return self._decoder.returned
+
     def request(self, unit_id: int, pdu: bytes) -> bytes:
         self._decoder.expect(unit_id, pdu)
         return encode_rtu(unit_id, pdu)
@@ -98,6 +107,7 @@ class _RtuFraming:
 
 class _MbapFraming:
     deadline_ns = None
+    returned = 0
 
     def __init__(self) -> None:
         self._decoder = MbapDecoder()
@@ -192,6 +202,11 @@ class ModbusMaster:
             self._channel.close()
         if self._lost is not None:
             await asyncio.wait([self._lost])
+
+    @property
+    def returned(self) -> int:
+        """How many reads of registers in a row came back; see ``RtuReplyDecoder.returned``."""
+        return self._framing.returned
 
     async def exchange(self, unit_id: int, pdu: bytes) -> bytes:
         """Send a request and return the PDU of its reply, also one that refuses it.

@@ -104,6 +104,18 @@ async def test_a_good_axis_has_no_findings_and_is_placed_on_both_branches() -> N
     assert place.backward == pytest.approx(-49.97)
 
 
+async def test_an_adapter_that_returns_what_is_sent_is_named_first() -> None:
+    plan = axis()
+    found = await read_axis(Memory(plan), plan)
+    found.echoes = "the adapter returns what is sent: set echo = true"
+    first, *others = findings_of(found)
+    assert (first.weight, others) == (Weight.ERROR, [])
+    assert first.text == (
+        "the adapter returns what is sent: set echo = true; else the return of a write is taken for its "
+        "acknowledgement"
+    )
+
+
 async def test_a_drive_that_answers_with_another_transaction_id_is_not_called_off() -> None:
     plan = axis()
     memory = Memory(plan)

@@ -261,6 +261,19 @@ def test_a_drive_that_answers_as_another_is_a_trouble() -> None:
     assert kinds(model(snapshot)) == [("warning", "answers-as-another", "line xyz")]
 
 
+def test_an_adapter_that_returns_what_is_sent_is_named_and_not_its_damage() -> None:
+    snapshot = with_drive({**ANSWERS, "damaged_minute": 12})
+    snapshot["lines"]["xyz"]["minute"] = {"exchanges": 100, "damaged": 12}
+    assert kinds(model(snapshot)) == [("warning", "drive-damaged", "line xyz, unit id 1")]
+    snapshot["lines"]["xyz"]["drives"] |= {
+        "address": "/dev/ttyUSB0",
+        "echo": "the adapter returns what is sent: set echo = true",
+    }
+    found = model(snapshot)
+    assert kinds(found) == [("error", "adapter-echoes", "line xyz")]
+    assert found["troubles"][0]["what"] == "/dev/ttyUSB0: the adapter returns what is sent: set echo = true"
+
+
 OTHER_ID: dict[str, Any] = {
     "answered_s": None,
     "silent_s": 12.4,

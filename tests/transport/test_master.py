@@ -167,3 +167,17 @@ async def test_transaction_ids_go_round_without_0(rig: Rig) -> None:
         for _ in range(2):
             assert await master.exchange(1, ASK) == ANSWER
     assert heard == [b"\xff\xff", b"\x00\x01"]
+
+
+async def test_reads_that_come_back_are_counted_until_one_does_not(rig: Rig) -> None:
+    reply = [True, True, False]
+
+    def script(data: bytes) -> bytes:
+        return (data if reply.pop(0) else b"") + framed("rtu", data, ANSWER)
+
+    returned = []
+    async with ModbusMaster(await rig.drive("rtu", Drive(script)), 5000.0) as master:
+        for _ in range(3):
+            assert await master.exchange(1, ASK) == ANSWER
+            returned.append(master.returned)
+    assert returned == [1, 2, 0]

@@ -17,6 +17,8 @@ from gateway.transport.master import NoReplyError, OtherIdError
 
 LAST_UNIT_ID: Final = 247
 """Of one device: Modbus over serial line V1.02, section 2.2."""
+RETURNED: Final = 2
+"""So many reads that came back are enough: nobody else asks here."""
 SILENT_READS: Final = 2
 """After so many reads without any reply a drive is not asked any more."""
 
@@ -103,6 +105,8 @@ class AxisReadings:
     """A unit id that nothing is known of, where it was asked."""
     on_wrong_crc: OnWrongCrc | None = None
     """None: it was not asked so."""
+    echoes: str = ""
+    """Where what is sent comes back and nobody said so: that, and what to do."""
     left_out: list[str] = field(default_factory=list)
     """What was not read, and why."""
 
