@@ -109,6 +109,10 @@ class LineExchange(CuttingLine):
         self.rest = Rest(timing)
         self._waiting = WaitingQueue()
         self._current: Transaction | None = None
+        self._gone: ControllerPort | None = None
+        """The connection of what is on the wire, where that has ended meanwhile."""
+        self._has_broken_off = False
+        """Whether it did not end as it should."""
         self.is_up = False
         """Whether there is a link to the drives."""
         self._is_stopping = False
@@ -307,6 +311,8 @@ class LineExchange(CuttingLine):
                 self.cuts.reply.end(Turn.LOST, now_ns)
         self._give_up(port, "its connection closed", now_ns)
         self._admission.gone(port, now_ns, is_broken=is_broken)
+        if self._current is not None and self._current.port is port:
+            self._gone, self._has_broken_off = port, is_broken
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
@@ -400,6 +406,8 @@ class LineExchange(CuttingLine):
         outcome, code = outcome_of_reply(transaction, pdu)
         self._ends.finish(transaction, outcome, now_ns, code=code, reply=pdu)
         self._current = None
+        if self._gone is not None:
+            self._forget_parts_of(transaction)
         if transaction.port is not None:
             self.meter.note(transaction, transaction.port, pdu, now_ns)
         return axes
@@ -952,6 +960,14 @@ class LineExchange(CuttingLine):
                 why = "nobody knows whether the staged target was written anew"
                 frame.axis.lose_restaged(frame.rendering, NO_RESPONSE, why)
         self._ends.finish(transaction, outcome, now_ns, code=NO_RESPONSE, answer=Answer.ABSENCE)
+        if self._gone is not None:
+            self._forget_parts_of(transaction)
+
+    def _forget_parts_of(self, transaction: Transaction) -> None:
+        """A part that was on the wire when its connection ended is completed by no other one either (M1)."""
+        gone, self._gone = self._gone, None
+        if gone is not None and transaction.port is gone:
+            self._ownership.forget_parts(gone, also_buffered=self._has_broken_off)
 
     def _unanswered_by(self, unit_id: int) -> str:
         """Name a unit id that did not answer, and say what it did instead where that is known."""

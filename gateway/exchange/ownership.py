@@ -63,9 +63,7 @@ class Ownership:
         part that the drive has acknowledged is, unless the connection broke off: a controller may close its
         own after each request.
         """
-        for axis in self._axes:
-            if axis.hold.is_shared or axis.hold.writer in ("", port.writer):
-                axis.forget_parts(also_buffered=is_broken)
+        self.forget_parts(port, also_buffered=is_broken)
         left = self._connections.pop(port.writer, 1) - 1
         if left > 0:
             self._connections[port.writer] = left
@@ -73,6 +71,12 @@ class Ownership:
         for axis in self._axes:
             if axis.hold.writer == port.writer:
                 axis.hold.leave(now_ns)
+
+    def forget_parts(self, port: ControllerPort, *, also_buffered: bool) -> None:
+        """Let nothing complete a part of a position that came on a connection which has ended."""
+        for axis in self._axes:
+            if axis.hold.is_shared or axis.hold.writer in ("", port.writer):
+                axis.forget_parts(also_buffered=also_buffered)
 
     def may_move(self, transaction: Transaction, now_ns: int) -> bool:
         """Return whether a request may go on as far as other writers are concerned; it takes its axes over.

@@ -5,6 +5,7 @@ import pytest
 from gateway.exchange.axis.registers import Completeness, FieldImage
 from gateway.exchange.plan import ControllerPlan
 from tests.exchange.line_bench import COMMAND, Bench, Port, axis_plan
+from tests.exchange.staged_bench import StagedBench
 
 HIGH_1 = bytes.fromhex("06 0607 0001")
 LOW_4 = bytes.fromhex("06 0606 0004")
@@ -39,6 +40,20 @@ def test_m1_a_half_that_was_withdrawn_with_its_connection_is_not_completed_eithe
     bench.serve()
     assert newer.take() == REFUSED
     assert bench.memory.get(COMMAND) == told
+
+
+@pytest.mark.parametrize("is_broken", [False, True])
+def test_m1_a_half_on_the_wire_when_its_connection_broke_off_is_not_completed(*, is_broken: bool) -> None:
+    bench = StagedBench(serial=False)
+    image = bench.line.axes[0].fields[0]
+    image.tear()  # nothing is known of its drive: halves go out as they came
+    bench.send(HIGH_1)
+    assert bench.link.sent[-1][1] == HIGH_1
+    bench.line.controller_gone(bench.port, bench.now_ns, is_broken=is_broken)
+    bench.serve()
+    # A controller that has closed its connection may go on with the other half.
+    expected = Completeness.TORN if is_broken else Completeness.PARTS_BUFFERED
+    assert image.completeness is expected
 
 
 @pytest.mark.parametrize(
