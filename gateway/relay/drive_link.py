@@ -440,9 +440,10 @@ class MbapDriveLink(Link):
     def _take(self, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
         if transaction_id != self._awaited_id:
             asked_unit_id = self._unanswered.pop(transaction_id, -1)
-            self._late += 1
             if asked_unit_id < 0 and self._is_other_id(transaction_id, unit_id):
                 self._other_id, self._other_for = transaction_id, self._awaited_id
+            else:
+                self._late += 1
             self._exchange.stray(now_ns, unit_id=asked_unit_id)
         elif unit_id == self._awaited_unit_id or self._is_answer_all_the_same(unit_id):
             self._awaited_id = NONE
