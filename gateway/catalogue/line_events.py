@@ -36,6 +36,25 @@ WRONG_UNIT: Final = EventEntry(
     "a drive or converter that answers with 0, 1 or 255 whatever it is asked, or two drives with one address",
     "where the one drive of the line answers so, set `answers_as`; else look at the unit ids of the drives",
 )
+ADAPTER_ECHOES: Final = EventEntry(
+    "adapter-echoes",
+    Severity.WARNING,
+    "what is sent to the drives comes back, and the configuration does not say so: three reads of registers "
+    "in a row were returned byte for byte, which no reply can be. What returns of a write of one register or "
+    "coil is taken for its acknowledgement, whatever the drive says; told once",
+    "an RS-485 adapter whose receiver stays on while it sends, or a device server with an echo",
+    'set `echo = true` for the drives, as in `drives = { rtu = "/dev/serial/by-id/…", echo = true }`; switch '
+    "the echo of a device server off",
+)
+OTHER_TRANSACTION_ID: Final = EventEntry(
+    "other-transaction-id",
+    Severity.WARNING,
+    "a Modbus/TCP drive answers, but with another transaction id than it was asked with: nobody can tell "
+    "what such a reply answers, so it answers nothing; told once for each unit id",
+    "a server or converter that answers with transaction id 0, or a fixed one, whatever it is asked",
+    "bring its firmware up to date, or put a converter in its place that returns the transaction id; where "
+    "it speaks RTU over TCP, use `rtu_over_tcp`",
+)
 LINE_RESTS: Final = EventEntry(
     "line-rests",
     Severity.WARNING,

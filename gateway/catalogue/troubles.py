@@ -36,6 +36,14 @@ LINE_DOWN: Final = TroubleEntry(
     title="Line down",
     cuts_off=True,
 )
+ADAPTER_ECHOES: Final = TroubleEntry(
+    "adapter-echoes",
+    Severity.ERROR,
+    "what is sent to the drives of a line comes back, and the configuration does not say so: the return of a "
+    "write is taken for its acknowledgement",
+    "an RS-485 adapter whose receiver stays on while it sends, or a device server with an echo",
+    "set `echo = true` for the drives of the line; switch the echo of a device server off",
+)
 DRIVE_GARBLED: Final = TroubleEntry(
     "drive-garbled",
     Severity.ERROR,
@@ -45,6 +53,16 @@ DRIVE_GARBLED: Final = TroubleEntry(
     "compare baud rate and parity with those of the drive, then exchange A and B, then look at termination "
     "and unit ids; pitch-gateway probe asks each drive once",
     title="Drive not understood",
+    cuts_off=True,
+)
+OTHER_ID: Final = TroubleEntry(
+    "other-transaction-id",
+    Severity.ERROR,
+    "a Modbus/TCP drive answers with another transaction id than it was asked with: no reply of it counts",
+    "a server or converter that answers with transaction id 0, or a fixed one, whatever it is asked",
+    "bring its firmware up to date, or put a converter in its place that returns the transaction id; where "
+    "it speaks RTU over TCP, use `rtu_over_tcp`",
+    title="Wrong transaction id",
     cuts_off=True,
 )
 DRIVE_SILENT: Final = TroubleEntry(
@@ -258,8 +276,10 @@ _OF_RELAY: Final = tuple(
 HIDES: Final[Mapping[TroubleEntry, tuple[TroubleEntry, ...]]] = {
     RELAY_DOWN: _OF_RELAY,
     RELAY_SILENT: _OF_RELAY,
-    LINE_DOWN: (DRIVE_GARBLED, DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
+    LINE_DOWN: (DRIVE_GARBLED, OTHER_ID, DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
+    ADAPTER_ECHOES: (DRIVE_DAMAGED,),
     DRIVE_GARBLED: (DRIVE_SILENT, DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
+    OTHER_ID: (DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
     DRIVE_SILENT: (DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
     CONTROLLER_GARBLED: (CONTROLLER_DAMAGED,),
     WRONG_UNIT_ID: (UNKNOWN_UNIT, UNHEARD_CONTROLLER, UNIT_SILENT),

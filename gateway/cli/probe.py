@@ -110,9 +110,9 @@ def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
 
 
 async def _probe(lines: "list[LinePlan]", axis: str | None, problems: list[str]) -> "list[AxisReadings]":
-    from gateway.cli.probing.readings import ask_unused_unit, ask_with_wrong_crc, read_axis
+    from gateway.cli.probing.readings import RETURNED, ask_unused_unit, ask_with_wrong_crc, read_axis
     from gateway.transport.errors import TransportError
-    from gateway.transport.framing import endpoint_key
+    from gateway.transport.framing import endpoint_key, returns_requests
     from gateway.transport.master import ModbusMaster
 
     found = []
@@ -124,6 +124,8 @@ async def _probe(lines: "list[LinePlan]", axis: str | None, problems: list[str])
                 of_line = [await read_axis(master, plan) for plan in line.axes if axis in (None, plan.name)]
                 found += of_line
                 await ask_unused_unit(master, line, of_line[0])
+                for each in of_line:
+                    each.echoes = returns_requests(line.drives) if master.returned >= RETURNED else ""
                 for each in of_line:
                     await ask_with_wrong_crc(master.exchange_spoilt, line, each)
         except TransportError as error:
@@ -198,9 +200,10 @@ def _text(found: "AxisReadings") -> "Iterator[str]":
 
     plan = found.plan
     units = plan.settings.units.value
-    yield f"axis {plan.name}, unit id {plan.unit_id}: {'answers' if found.answers else 'no answer'}"
+    answers = found.instead or ("answers" if found.answers else "no answer")
+    yield f"axis {plan.name}, unit id {plan.unit_id}: {answers}"
     bits = [f"{name} {_bit(found.bit(name))}" for name in plan.bits]
-    if bits and found.answers:
+    if bits and found.answers and not found.instead:
         yield f"  bits       {', '.join(bits)}"
     for name, reading in found.readings.items():
         if not reading.words or reading.place.field is None:

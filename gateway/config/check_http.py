@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.config.certificate_times import warn_of_list, warn_of_times
-from gateway.config.check_lines import WILDCARDS, controller_key, is_loopback, is_same
+from gateway.config.check_lines import WILDCARDS, controller_key, is_ipv6_alone, is_loopback, is_same
 from gateway.config.findings import Findings
 from gateway.config.http_files import TLS_KEY, read_token, server_context
 from gateway.config.http_model import HttpSection
@@ -28,6 +28,14 @@ def check_http(findings: Findings, http: HttpSection, lines: Mapping[str, LineSe
     _check_controllers(findings, place, lines)
     if not is_loopback(place.host):
         _check_open(findings, http, place)
+    if is_ipv6_alone(place):
+        findings.warn(
+            KEY,
+            f"{place} takes IPv6 connections alone",
+            f'for IPv4 alone write listen = "0.0.0.0:{place.port}"; for both have a proxy of yours in '
+            "front, which reaches the page at 127.0.0.1; for IPv6 alone name the address of this machine "
+            "that it is for",
+        )
 
 
 def check_http_files(findings: Findings, http: HttpSection, folder: Path, now: datetime) -> None:

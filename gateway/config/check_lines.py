@@ -4,7 +4,7 @@ import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from ipaddress import ip_address
-from typing import Final
+from typing import Final, TypeGuard
 
 from gateway.config.axis_model import AxisSection
 from gateway.config.findings import Findings
@@ -46,6 +46,7 @@ def check_lines(
         _check_cut_through(findings, name, line)
         _check_units(findings, name, line, set(unit_ids.get(name, ())))
         _check_open_listeners(findings, name, line)
+    _check_ipv6_alone(findings, listeners)
     ports = [use for use in (*drives, *listeners) if isinstance(use.place, SerialEndpoint)]
     _check_devices(findings, sorted(ports, key=lambda use: findings.document.lines.of(use.key) or 0))
     _check_addresses(findings, drives, listeners)
@@ -148,6 +149,29 @@ def _check_open_listeners(findings: Findings, name: str, line: LineSection) -> N
             f"whoever reaches {controller.listens} may {MAY[controller.role]} the drives",
             'name who may connect, as in allow = ["192.168.0.7"], or listen on 127.0.0.1',
         )
+
+
+def _check_ipv6_alone(findings: Findings, listeners: list[Use]) -> None:
+    """Elsewhere ``[::]`` often takes IPv4 connections too; here nobody is let in who was not asked for."""
+    places = [use.place for use in listeners if isinstance(use.place, TcpEndpoint)]
+    for use in listeners:
+        if not is_ipv6_alone(use.place):
+            continue
+        both = TcpEndpoint("0.0.0.0", use.place.port)  # noqa: S104 - to be named, not to be bound
+        if any(is_same(place, both) for place in places):
+            continue
+        findings.warn(
+            use.key,
+            f"{use.place} takes IPv6 connections alone",
+            f'for IPv4 alone write {use.key[-1]} = "{both.host}:{both.port}"; for both give the line a '
+            "second controller with that address, and a name of its own; for IPv6 alone name the address of "
+            "this machine that it is for",
+        )
+
+
+def is_ipv6_alone(place: TcpEndpoint | SerialEndpoint) -> TypeGuard[TcpEndpoint]:
+    """Whether whoever means all addresses of this machine may not know that it is those of IPv6 alone."""
+    return isinstance(place, TcpEndpoint) and _canonical(place.host) == "::"
 
 
 def _check_devices(findings: Findings, uses: list[Use]) -> None:

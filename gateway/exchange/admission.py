@@ -89,11 +89,11 @@ class Admission:
             denial = NO_ROOM if port.is_motion or only_reads(transaction.pdu) else role_denial(port.plan.role)
         return denial
 
-    def gone(self, port: ControllerPort, now_ns: int) -> None:
+    def gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool) -> None:
         """Note that a connection is gone; a serial port may come back."""
         if port.gate is not UNSEEN:
             port.gate = UNSEEN
-            self._ownership.gone(port, now_ns)
+            self._ownership.gone(port, now_ns, is_broken=is_broken)
 
     def tell(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
         """Tell that a request is not allowed, and of many like it how many there were."""

@@ -110,6 +110,8 @@ class LineExchange(CuttingLine):
         self.rest = Rest(timing)
         self._waiting = WaitingQueue()
         self._current: Transaction | None = None
+        self._broken_off: ControllerPort | None = None
+        """The connection of what is on the wire, where that has broken off meanwhile."""
         self.is_up = False
         """Whether there is a link to the drives."""
         self._is_stopping = False
@@ -300,14 +302,19 @@ class LineExchange(CuttingLine):
             self._thin_out(stop, now_ns)
         self._next(now_ns)
 
-    def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
-        """Withdraw what a closed connection still has waiting (W5)."""
+    def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
+        """Withdraw what a closed connection still has waiting (W5).
+
+        ``is_broken``: its controller did not close it; see ``Ownership.gone`` for what that costs (M1).
+        """
         if self.cuts is not None:
             self.cuts.gone(port, now_ns)
             if self._current is not None and self._current.port is port:
                 self.cuts.reply.end(Turn.LOST, now_ns)
         self._give_up(port, "its connection closed", now_ns)
-        self._admission.gone(port, now_ns)
+        self._admission.gone(port, now_ns, is_broken=is_broken)
+        if is_broken and self._current is not None and self._current.port is port:
+            self._broken_off = port
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
@@ -401,6 +408,8 @@ class LineExchange(CuttingLine):
         outcome, code = outcome_of_reply(transaction, pdu)
         self._ends.finish(transaction, outcome, now_ns, code=code, reply=pdu)
         self._current = None
+        if self._broken_off is not None:
+            self._forget_parts_of(transaction)
         if transaction.port is not None:
             self.meter.note(transaction, transaction.port, pdu, now_ns)
         return axes
@@ -994,6 +1003,18 @@ class LineExchange(CuttingLine):
                 why = "nobody knows whether the staged target was written anew"
                 frame.axis.lose_restaged(frame.rendering, NO_RESPONSE, why)
         self._ends.finish(transaction, outcome, now_ns, code=NO_RESPONSE, answer=Answer.ABSENCE)
+        if self._broken_off is not None:
+            self._forget_parts_of(transaction)
+
+    def _forget_parts_of(self, transaction: Transaction) -> None:
+        """A part that was on the wire when its connection broke off is completed by no other one (M1)."""
+        port, self._broken_off = self._broken_off, None
+        if port is not None and transaction.port is port:
+            self._ownership.forget_parts(port)
+
+    def _unanswered_by(self, unit_id: int) -> str:
+        """Name a unit id that did not answer, and say what it did instead where that is known."""
+        return f"unit id {unit_id} {self._link.came_instead(unit_id)}".rstrip()
 
     def _time_out(self, transaction: Transaction, now_ns: int) -> None:
         self._link.abandon()
@@ -1006,7 +1027,7 @@ class LineExchange(CuttingLine):
             self.answers.askers.add((transaction.port.plan.name, unit_id))
         silence, has_died = self.answers.miss(unit_id, transaction.sent_ns, now_ns)
         if silence.timeouts == 1:
-            self._on_event(Event(EventKind.DRIVE_SILENT, None, f"unit id {unit_id}"))
+            self._on_event(Event(EventKind.DRIVE_SILENT, None, self._unanswered_by(unit_id)))
         if self._units.have_rules and self._units.stops_of(self._units.frames_of(transaction)):
             others = {id(each.port) for each in self._waiting if each.port not in (None, transaction.port)}
             self.answers.miss_stop(unit_id, transaction.pdu, others, now_ns)
@@ -1021,6 +1042,6 @@ class LineExchange(CuttingLine):
             axis.fall_silent(transaction.sent_ns, now_ns)
         self._report(axes)
         if has_died and self.answers.backs_off:
-            self._on_event(Event(EventKind.DRIVE_BACKED_OFF, None, f"unit id {unit_id}"))
+            self._on_event(Event(EventKind.DRIVE_BACKED_OFF, None, self._unanswered_by(unit_id)))
             self._answer_waiting(now_ns)
         self._gaps.ended(transaction, now_ns, silence.quiet_ns or None)

@@ -58,8 +58,15 @@ class Ownership:
         """Note a connection that asks for something the first time."""
         self._connections[port.writer] = self._connections.get(port.writer, 0) + 1
 
-    def gone(self, port: ControllerPort, now_ns: int) -> None:
-        """Note that such a connection is gone: after the last one its writer soon lets go of every axis."""
+    def gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool) -> None:
+        """Note that such a connection is gone: after the last one its writer soon lets go of every axis.
+
+        A part of a position that the drive has acknowledged is completed by what comes on another one, unless
+        the connection broke off: a controller may close its own after each request. A part that never reached
+        the drive joins nothing of another connection in any case.
+        """
+        if is_broken:
+            self.forget_parts(port)
         left = self._connections.pop(port.writer, 1) - 1
         if left > 0:
             self._connections[port.writer] = left
@@ -67,6 +74,12 @@ class Ownership:
         for axis in self._axes:
             if axis.hold.writer == port.writer:
                 axis.hold.leave(now_ns)
+
+    def forget_parts(self, port: ControllerPort) -> None:
+        """Let nothing complete a part of a position that came on a connection which broke off."""
+        for axis in self._axes:
+            if axis.hold.is_shared or axis.hold.writer in ("", port.writer):
+                axis.forget_parts()
 
     def may_move(self, transaction: Transaction, now_ns: int) -> bool:
         """Return whether a request may go on as far as other writers are concerned; it takes its axes over.

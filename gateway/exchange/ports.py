@@ -112,6 +112,10 @@ class DriveLink:
         """Expect nothing any more: whatever arrives now is late and is reported as stray bytes."""
         raise NotImplementedError
 
+    def came_instead(self, unit_id: int) -> str:
+        """Say what came in the place of the newest reply that a unit id did not give; "": nothing known."""
+        return ""
+
     # --- requests that leave while they arrive (``cut_line``); serial links alone
 
     def may_lead(self, now_ns: int) -> bool:

@@ -61,10 +61,12 @@ class Request(_Input, frozen=True, tag="request", omit_defaults=True):
     """Why its controller waits for it no more; empty while it does."""
 
 
-class Gone(_Input, frozen=True, tag="gone"):
+class Gone(_Input, frozen=True, tag="gone", omit_defaults=True):
     """A controller's connection or port was lost."""
 
     port: int
+    is_broken: bool = False
+    """Its controller had not closed it."""
 
 
 class Reply(_Input, frozen=True, tag="reply"):

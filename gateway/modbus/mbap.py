@@ -136,6 +136,15 @@ class MbapDecoder:
         return frames
 
 
+def answers_with(asked_id: int, answered_id: int) -> str:
+    """Say what a drive does whose replies carry another transaction id than their requests.
+
+    >>> answers_with(7, 0)
+    'answers, with transaction id 0 (asked with 7)'
+    """
+    return f"answers, with transaction id {answered_id} (asked with {asked_id})"
+
+
 def too_long(head: bytes) -> Adu | None:
     r"""Return the exception that answers a frame whose length cannot be (``broken_by``); None: none does.
 

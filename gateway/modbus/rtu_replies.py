@@ -34,6 +34,15 @@ READS: Final = frozenset(
         FunctionCode.READ_INPUT_REGISTERS,
     }
 )
+TELLING: Final = frozenset({FunctionCode.READ_HOLDING_REGISTERS, FunctionCode.READ_INPUT_REGISTERS})
+"""Requests whose own bytes can be no reply to them; see ``RtuReplyDecoder.returned``."""
+TELLING_PDU: Final = 5
+TELLING_ADU: Final = 8
+"""With unit id and check sum."""
+THREE_BYTES: Final = TELLING_ADU - 5
+"""The byte count of a reply of that length."""
+RETURNED_OFTEN: Final = 3
+"""So many of them in a row that came back are no chance: once it may be another master that asks the same."""
 NOBODY: Final[Mapping[int, int]] = MappingProxyType({})
 
 
@@ -54,6 +63,7 @@ class RtuReplyDecoder(RtuDecoder):
         "_echo",
         "_good_reply",
         "_has_echo",
+        "_has_returned",
         "_heard",
         "_is_answered",
         "_lone_echo",
@@ -62,6 +72,7 @@ class RtuReplyDecoder(RtuDecoder):
         "_stray",
         "_unit_id",
         "late_unit_id",
+        "returned",
     )
 
     def __init__(
@@ -75,6 +86,8 @@ class RtuReplyDecoder(RtuDecoder):
         super().__init__(silence_ns, give_up_ns)
         self._refused_reads = refused_reads
         self._has_echo = echo
+        self._has_returned = False
+        """What is asked has come back."""
         self._echo = b""
         self._lone_echo = b""
         self._heard = b""
@@ -86,6 +99,16 @@ class RtuReplyDecoder(RtuDecoder):
         """The newest reply that came whole: all writes of a position have the same, which is good again."""
         self.late_unit_id = -1
         """Unit id of the newest whole frame that answered nothing; less than 0: none was met."""
+        self.returned = 0
+        """Without ``echo``: so many reads of registers in a row came back, byte for byte, before any reply.
+
+        An acknowledgement repeats its request (FC05, 06, 08, 22), or does so with some drives (FC15, 16), so
+        nothing is told from writes. Nor from reads of coils: of 17 to 24 of them the reply may have the bytes
+        of its request. A reply to a read of registers has as many data bytes as its third byte says. There a
+        request has the high byte of its address: it is as long as such a reply where that is 3, which is no
+        number of bytes that registers have, and not even then it counts. What came back so is taken out: with
+        a drive that is silent it would be all that came, and count as its reply.
+        """
 
     @property
     def is_expecting(self) -> bool:
@@ -133,6 +156,7 @@ class RtuReplyDecoder(RtuDecoder):
     def reset(self) -> None:
         """Forget what waits and what is expected: the line is a new one."""
         super().reset()
+        self.returned = 0
         self._expect_nothing()
         self._is_answered = False
 
@@ -148,6 +172,8 @@ class RtuReplyDecoder(RtuDecoder):
             return b""
         if data != self._good_reply and not is_intact(data):
             return b""
+        if self.returned:
+            self._end_row()
         self._good_reply = data
         self._request = b""
         self._is_answered = True
@@ -185,7 +211,10 @@ class RtuReplyDecoder(RtuDecoder):
         if not self._request:
             self._count_stray(self._without_lone_echo(data))
             return []
+        had_bytes = len(self._buffer)
         self._buffer += data
+        if had_bytes < TELLING_ADU <= len(self._buffer) and not self._has_echo:
+            self._note_return()
         frames = self._take_reply() if self._pass_echo() else []
         most = MAX_ADU + len(self._echo)
         if len(self._buffer) > most:
@@ -193,6 +222,26 @@ class RtuReplyDecoder(RtuDecoder):
             self._drop(len(self._buffer) - most)
         self._await_silence(now_ns)
         return frames
+
+    def _tells(self) -> bool:
+        """Whether the bytes of what was asked can be no reply to it."""
+        request = self._request
+        return len(request) == TELLING_PDU and request[0] in TELLING and request[1] != THREE_BYTES
+
+    def _note_return(self) -> None:
+        """Take out what was sent, where that has come first and can be no reply."""
+        sent = append_crc(bytes((self._unit_id,)) + self._request)
+        if self._tells() and self._buffer[:TELLING_ADU] == sent:
+            self.returned += 1
+            self._has_returned = True
+            self.counters.echoes += 1
+            self._buffer = self._buffer[TELLING_ADU:]
+
+    def _end_row(self) -> None:
+        """Note a reply before which nothing else came."""
+        if self._tells() and not self._has_returned:
+            self.returned = 0
+        self._has_returned = False
 
     def _without_lone_echo(self, data: bytes) -> bytes:
         """Take the echo of an unanswered request out of what came; what may still become one waits."""
@@ -266,6 +315,8 @@ class RtuReplyDecoder(RtuDecoder):
 
     def _take(self, start: int, length: int) -> Frame:
         """Take the reply; what stands before it is noise, what follows it answers nothing."""
+        if self.returned and not start:
+            self._end_row()
         self._drop(start)
         frame = self._buffer[0], self._buffer[1 : length - 2]
         rest = self._buffer[length:]
@@ -293,6 +344,7 @@ class RtuReplyDecoder(RtuDecoder):
             self._stray = b""
 
     def _expect_nothing(self) -> None:
+        self._has_returned = False
         self._request = b""
         self._echo = b""
         self._buffer = b""

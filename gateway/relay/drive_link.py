@@ -12,15 +12,19 @@ from typing import Final
 from gateway.compiled import mypyc_attr
 from gateway.exchange.cut_line import ReplyCutter
 from gateway.exchange.ports import DriveLink
-from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, encode_mbap
+from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, answers_with, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
+from gateway.modbus.rtu_replies import RETURNED_OFTEN
 from gateway.relay.pacing import PacedSender
 from gateway.relay.timed import TimedExchange
 from gateway.transport.channel import Channel
 from gateway.transport.timer import Timer
 
 BROADCAST_UNIT_ID: Final = 0
-TRANSACTION_IDS: Final = 0x10000
+LAST_ID: Final = 0xFFFF
+FIRST_ID: Final = 1
+"""Transaction ids towards drives go from here to the last one and begin again: 0 is what servers answer with
+that do not look at it, and would then answer whatever was asked."""
 NONE: Final = -1
 """In the place of the number of a request: none is awaited."""
 UNANSWERED_LIMIT: Final = 1024
@@ -31,22 +35,36 @@ NEWEST_MASK: Final = (1 << NEWEST) - 1
 
 
 @dataclass(slots=True)
-class Damage:
+class Instead:
     """What came in the place of the replies of one unit id."""
 
     total: int = 0
-    """Requests to which bytes came of which no frame could be made."""
+    """Requests without a reply to which it came."""
     newest: int = 0
     """A bit for each of the newest requests without a reply, the last one lowest: whether that was so."""
 
-    def note(self, *, is_damaged: bool) -> None:
+    def note(self, *, came: bool) -> None:
         """Note a request without a reply."""
-        self.total += is_damaged
-        self.newest = (self.newest << 1 | is_damaged) & NEWEST_MASK
+        self.total += came
+        self.newest = (self.newest << 1 | came) & NEWEST_MASK
 
     def among(self, timeouts: int) -> int:
-        """Return how many of the last ``timeouts`` requests without a reply, 32 at most, met with damage."""
+        """Return to how many of the last ``timeouts`` requests without a reply, 32 at most, it came."""
         return (self.newest & ((1 << min(timeouts, NEWEST)) - 1)).bit_count()
+
+
+@dataclass(slots=True)
+class OtherIds(Instead):
+    """Replies of one unit id with a transaction id that nothing was asked with."""
+
+    asked_id: int = 0
+    """Of the newest of these requests."""
+    answered_id: int = 0
+    """Of the reply that came to it."""
+
+    def __str__(self) -> str:
+        """Say what the drive does."""
+        return answers_with(self.asked_id, self.answered_id)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -55,9 +73,16 @@ class Link(DriveLink):
 
     def __init__(self, *, is_serial: bool) -> None:
         super().__init__(is_serial=is_serial)
-        self.damage: dict[int, Damage] = {}
+        self.damage: dict[int, Instead] = {}
         """Requests without a reply to which bytes came of which no frame could be made, by unit id. TCP
         damages nothing: there it stays empty."""
+        self.other_ids: dict[int, OtherIds] = {}
+        """The same of those to which a reply with another transaction id came. RTU has none."""
+
+    @property
+    def returns_requests(self) -> bool:
+        """Whether what is sent comes back, and nobody said so."""
+        return False
 
     def attach(self, exchange: TimedExchange) -> None:
         """Name the exchange that gets the replies; before the first byte."""
@@ -93,12 +118,21 @@ class RtuDriveLink(Link):
 
     ``gap_ns``: silence that the drives want before each request; ``wire_gap_ns``: what a wire wants.
     ``has_echo``: what is sent comes back; of requests that leave in pieces it is taken out here.
+    ``on_return`` is called once where it comes back without that.
     """
 
     def __init__(
-        self, gap_ns: int, decoder: RtuReplyDecoder, wire_gap_ns: int = 0, *, has_echo: bool = False
+        self,
+        gap_ns: int,
+        decoder: RtuReplyDecoder,
+        wire_gap_ns: int = 0,
+        *,
+        has_echo: bool = False,
+        on_return: Callable[[], None] = lambda: None,
     ) -> None:
         super().__init__(is_serial=True)
+        self._on_return = on_return
+        self._has_told_return = False
         self._decoder = decoder
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
@@ -114,6 +148,11 @@ class RtuDriveLink(Link):
         self._damaged_before = 0
         """Damage that was there when the newest request was sent."""
         self.stamps = self._sender.stamps
+
+    @property
+    def returns_requests(self) -> bool:
+        """See ``Link``."""
+        return self._decoder.returned >= RETURNED_OFTEN
 
     def attach(self, exchange: TimedExchange) -> None:
         """See ``Link``."""
@@ -158,8 +197,8 @@ class RtuDriveLink(Link):
             self._decoder.cancel()
             self._timer.arm(None)
             self._sender.discard()
-            damage = self.damage.setdefault(self._asked_unit_id, Damage())
-            damage.note(is_damaged=self._decoder.counters.damaged != self._damaged_before)
+            damage = self.damage.setdefault(self._asked_unit_id, Instead())
+            damage.note(came=self._decoder.counters.damaged != self._damaged_before)
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -184,6 +223,9 @@ class RtuDriveLink(Link):
         counters = decoder.counters
         stray_bytes, frames = counters.stray_bytes, counters.stray_frames + counters.foreign
         replies = decoder.feed(data, now_ns)
+        if decoder.returned >= RETURNED_OFTEN and not self._has_told_return:
+            self._has_told_return = True
+            self._on_return()
         is_frame = counters.stray_frames + counters.foreign != frames
         if is_frame or counters.stray_bytes != stray_bytes:
             self._exchange.stray(now_ns, unit_id=decoder.late_unit_id if is_frame else -1)
@@ -288,7 +330,7 @@ class MbapDriveLink(Link):
     """Modbus/TCP to the drives, with transaction ids of its own.
 
     ``gap_ns``: silence before each request. ``on_wrong_unit`` gets the unit id that was asked and the one
-    that answered, once for each two.
+    that answered, once for each two. ``on_other_id`` gets a unit id and what it answers with, once for each.
     """
 
     def __init__(
@@ -296,8 +338,10 @@ class MbapDriveLink(Link):
         gap_ns: int,
         unit_ids: UnitIds = UnitIds(),
         on_wrong_unit: Callable[[int, int], None] = lambda _asked, _answered: None,
+        on_other_id: Callable[[int, OtherIds], None] = lambda _unit_id, _other_ids: None,
     ) -> None:
         super().__init__(is_serial=False)
+        self._on_other_id = on_other_id
         self._gap_ns = gap_ns
         self._unit_ids = unit_ids
         self._on_wrong_unit = on_wrong_unit
@@ -309,6 +353,8 @@ class MbapDriveLink(Link):
         self._exchange: TimedExchange
         self._last_id = 0
         self._awaited_id = NONE
+        self._other_id = self._other_for = NONE
+        """That of the newest reply which answers nothing, and what was awaited when it came."""
         self._awaited_unit_id = 0
         self._unanswered: dict[int, int] = {}
         """Unit ids that were asked with these numbers."""
@@ -334,14 +380,20 @@ class MbapDriveLink(Link):
         self._unanswered[self._awaited_id] = self._awaited_unit_id
         if len(self._unanswered) > UNANSWERED_LIMIT:
             del self._unanswered[next(iter(self._unanswered))]
+        self._note_unanswered(self._awaited_id, self._awaited_unit_id)
         self._awaited_id = NONE
         self._sender.discard()
+
+    def came_instead(self, unit_id: int) -> str:
+        """See ``DriveLink``."""
+        other_ids = self.other_ids.get(unit_id)
+        return str(other_ids) if other_ids is not None and other_ids.among(1) else ""
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
         self._channel = channel
         self._decoder = MbapDecoder(longest_length=LARGEST_SENT)
-        self._awaited_id = NONE
+        self._awaited_id = self._other_for = NONE
         self._unanswered.clear()
         self._sender.opened(channel, now_ns - self._gap_ns)
         self._exchange.link_up(now_ns)
@@ -388,7 +440,10 @@ class MbapDriveLink(Link):
     def _take(self, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
         if transaction_id != self._awaited_id:
             asked_unit_id = self._unanswered.pop(transaction_id, -1)
-            self._late += 1
+            if asked_unit_id < 0 and self._is_other_id(transaction_id, unit_id):
+                self._other_id, self._other_for = transaction_id, self._awaited_id
+            else:
+                self._late += 1
             self._exchange.stray(now_ns, unit_id=asked_unit_id)
         elif unit_id == self._awaited_unit_id or self._is_answer_all_the_same(unit_id):
             self._awaited_id = NONE
@@ -407,9 +462,33 @@ class MbapDriveLink(Link):
             self._on_wrong_unit(*pair)
         return not self._unit_ids.are_many
 
+    def _is_other_id(self, transaction_id: int, unit_id: int) -> bool:
+        """Whether a number that nothing unanswered was asked with is meant for what is awaited.
+
+        The number of the request before may be that of a reply which came twice.
+        """
+        if self._awaited_id == NONE or (self._unit_ids.are_many and unit_id != self._awaited_unit_id):
+            return False
+        return transaction_id == 0 or transaction_id != self._awaited_id - 1
+
+    def _note_unanswered(self, asked_id: int, unit_id: int) -> None:
+        """Note what came in the place of a reply."""
+        came = self._other_for == asked_id
+        other_ids = self.other_ids.get(unit_id)
+        is_first = other_ids is None
+        if other_ids is None:
+            if not came:
+                return
+            other_ids = self.other_ids[unit_id] = OtherIds()
+        other_ids.note(came=came)
+        if came:
+            other_ids.asked_id, other_ids.answered_id = asked_id, self._other_id
+        if is_first:
+            self._on_other_id(unit_id, other_ids)
+
     def _new_id(self) -> int:
-        candidate = (self._last_id + 1) % TRANSACTION_IDS
+        candidate = self._last_id + 1 if self._last_id < LAST_ID else FIRST_ID
         while len(self._unanswered) and candidate in self._unanswered:
-            candidate = (candidate + 1) % TRANSACTION_IDS
+            candidate = candidate + 1 if candidate < LAST_ID else FIRST_ID
         self._last_id = candidate
         return candidate

@@ -71,6 +71,7 @@ class TcpFront:
             limits=link.limits,
             patience_ns=int(link.plan.timeout_ms * NS_PER_MS) + HALF_FRAME_GRACE_NS,
             on_closed=self._closings.add,
+            acknowledged_within_ns=int(link.plan.timeout_ms * NS_PER_MS),
         )
         self._place: Place | None = None
         self._accepting = Accepting(self._listener)

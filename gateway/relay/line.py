@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.catalogue.line_events import (
+    ADAPTER_ECHOES,
     DRIVES_NOT_REACHED,
     FRAMES_NOT_KEPT,
     LINE_RESTS,
+    OTHER_TRANSACTION_ID,
     SERIAL_LATENCY,
     WRONG_UNIT,
 )
@@ -41,7 +43,7 @@ from gateway.ipc.tape import Tape
 from gateway.relay.activity import Activity
 from gateway.relay.axis_record import AxisRecord, boot_id, record_path
 from gateway.relay.computed import computed
-from gateway.relay.drive_link import Damage, Link, MbapDriveLink, RtuDriveLink, UnitIds
+from gateway.relay.drive_link import Instead, Link, MbapDriveLink, OtherIds, RtuDriveLink, UnitIds
 from gateway.relay.front import Front, make_front, wire_of
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping, keep_port
@@ -54,13 +56,14 @@ from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.errors import TransportError
-from gateway.transport.framing import endpoint_key, frame_silence_ns, reply_decoder
+from gateway.transport.framing import endpoint_key, frame_silence_ns, reply_decoder, returns_requests
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpConnector
 
 STOP_MARGIN_S: Final = 1.0
 """Beyond the longest exchange: a stop that waits longer has met a bug, and ends anyway."""
-UNDAMAGED: Final = Damage()
+NOTHING: Final = Instead()
+"""Where nothing else came in the place of replies."""
 
 
 class Line:
@@ -78,7 +81,7 @@ class Line:
         self.tape = _make_tape(plan, journal) if recorder is None and plan.tape_bytes else None
         """What is kept of its last minutes."""
         self._journal = journal
-        self._link = _make_link(plan, self._wrong_unit)
+        self._link = _make_link(plan, self._wrong_unit, self._other_id, self._returned)
         sink = self._make_sink(recorder)
         link = self._link if sink is None else RecordedLink(self._link, sink)
         self._exchange = LineExchange(
@@ -235,10 +238,15 @@ class Line:
         of_exchange = line_status(self._exchange, now_ns)
         minute = self._minute.grown(now_ns)
         for unit_id, drive in of_exchange["unit_ids"]["drives"].items():
-            damage = self._link.damage.get(int(unit_id), UNDAMAGED)
+            damage = self._link.damage.get(int(unit_id), NOTHING)
             drive["damaged"] = damage.total
             drive["damaged_in_a_row"] = damage.among(drive["timeouts_in_a_row"])
             drive["damaged_minute"] = minute.get(unit_id, 0)
+            other_ids = self._link.other_ids.get(int(unit_id))
+            drive["other_ids_in_a_row"] = (
+                0 if other_ids is None else other_ids.among(drive["timeouts_in_a_row"])
+            )
+            drive["answers_with"] = None if other_ids is None else str(other_ids)
         return {
             **of_exchange,
             "minute": {"exchanges": minute["exchanges"], "damaged": minute.get("damaged", 0)},
@@ -246,6 +254,7 @@ class Line:
             "computed": self._computed,
             **self._link.counters(),
             "drives": {
+                "echo": returns_requests(self.plan.drives) if self._link.returns_requests else "",
                 "address": str(self.plan.drives),
                 "failure": self._drives.failure,
                 "opens": self._drives.opens,
@@ -364,6 +373,14 @@ class Line:
         detail = f"asked for unit id {asked}, the drive answered as unit id {answered}"
         self._journal.note(WRONG_UNIT, line=self.plan.name, detail=detail)
 
+    def _other_id(self, unit_id: int, other_ids: OtherIds) -> None:
+        detail = f"unit id {unit_id} {other_ids}: its replies answer nothing"
+        self._journal.note(OTHER_TRANSACTION_ID, line=self.plan.name, detail=detail)
+
+    def _returned(self) -> None:
+        detail = f"{self.plan.drives}: {returns_requests(self.plan.drives)}"
+        self._journal.note(ADAPTER_ECHOES, line=self.plan.name, detail=detail)
+
     def _drives_failed(self, why: str) -> None:
         self._journal.note(DRIVES_NOT_REACHED, line=self.plan.name, detail=why)
 
@@ -397,16 +414,22 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def _make_link(plan: LinePlan, on_wrong_unit: Callable[[int, int], None]) -> Link:
+def _make_link(
+    plan: LinePlan,
+    on_wrong_unit: Callable[[int, int], None],
+    on_other_id: Callable[[int, OtherIds], None],
+    on_return: Callable[[], None],
+) -> Link:
     gap_ns = int(plan.timing.gap_ms * NS_PER_MS)
     if isinstance(plan.drives, TcpEndpoint) and not plan.drives.rtu:
         known = {axis.unit_id for axis in plan.axes}.union(plan.other_units.unit_ids)
-        return MbapDriveLink(gap_ns, UnitIds(len(known) > 1, plan.answers_as), on_wrong_unit)
+        return MbapDriveLink(gap_ns, UnitIds(len(known) > 1, plan.answers_as), on_wrong_unit, on_other_id)
     wire_gap_ns = frame_silence_ns(plan.drives) if isinstance(plan.drives, SerialEndpoint) else 0
     refused_reads = {axis.unit_id: 0 for axis in plan.axes}
     refused_reads |= {axis.unit_id: axis.refused_read for axis in plan.axes if axis.refused_read}
     has_echo = isinstance(plan.drives, SerialEndpoint) and plan.drives.echo
-    return RtuDriveLink(gap_ns, reply_decoder(plan.drives, refused_reads), wire_gap_ns, has_echo=has_echo)
+    decoder = reply_decoder(plan.drives, refused_reads)
+    return RtuDriveLink(gap_ns, decoder, wire_gap_ns, has_echo=has_echo, on_return=on_return)
 
 
 def _cut_wire(plan: LinePlan) -> Wire | None:

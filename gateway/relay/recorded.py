@@ -152,6 +152,10 @@ class RecordedLink(DriveLink):
         self._sink.frame(ABANDONED, 0, 0, b"")
         self._link.abandon()
 
+    def came_instead(self, unit_id: int) -> str:
+        """See ``DriveLink``."""
+        return self._link.came_instead(unit_id)
+
     def may_lead(self, now_ns: int) -> bool:
         """See ``DriveLink``."""
         return self._link.may_lead(now_ns)
@@ -250,13 +254,13 @@ class RecordedExchange(TimedExchange):
         self._sink.entry(traffic.Stray(self._line, now_ns, unit_id >= 0, unit_id))
         super().stray(now_ns, unit_id=unit_id)
 
-    def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
+    def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
         """See ``TimedExchange``. A port that never asked for anything has not been here."""
         recorded = self._ports.pop(port, None)
         if recorded is not None:
-            self._sink.entry(traffic.Gone(self._line, now_ns, recorded.number))
+            self._sink.entry(traffic.Gone(self._line, now_ns, recorded.number, is_broken))
             self._sink.gone(recorded.number)
-            super().controller_gone(recorded, now_ns)
+            super().controller_gone(recorded, now_ns, is_broken=is_broken)
 
     def rest_first(self, now_ns: int) -> None:
         """See ``TimedExchange``."""

@@ -139,7 +139,8 @@ class _Line(DriveLink):
                 exchange.stray(entry.t, unit_id=max(entry.unit, 0) if entry.is_frame else -1)
             case traffic.Gone():
                 if entry.port in self._ports:
-                    exchange.controller_gone(self._ports.pop(entry.port), entry.t)
+                    port = self._ports.pop(entry.port)
+                    exchange.controller_gone(port, entry.t, is_broken=entry.is_broken)
             case traffic.RestFirst() | traffic.Up() | traffic.Down():
                 self._reach(entry)
             case traffic.Tick():

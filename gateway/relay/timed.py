@@ -73,9 +73,9 @@ class TimedExchange(Requests):
         self._exchange.stray(now_ns, unit_id=unit_id)
         self._settle()
 
-    def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
+    def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
         """Note that a controller's connection or port was lost."""
-        self._exchange.controller_gone(port, now_ns)
+        self._exchange.controller_gone(port, now_ns, is_broken=is_broken)
         self._settle()
 
     def rest_first(self, now_ns: int) -> None:

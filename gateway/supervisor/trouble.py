@@ -15,8 +15,9 @@ from gateway.times import span
 
 STALE_S: Final = 2.0
 """Snapshots come five times a second: after this the relay is there but says nothing."""
-GARBLED_SHARE: Final = 0.5
-"""Of the unanswered requests so many met with bytes that are no frame: the drive speaks another way."""
+INSTEAD_SHARE: Final = 0.5
+"""To so many of the unanswered requests something came that is no reply: the drive is there, and speaks
+another way."""
 FEWEST_DAMAGED: Final = 3
 """Less in a minute, or ever, is chance."""
 DAMAGED_SHARE: Final = 0.01
@@ -131,6 +132,8 @@ def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
             f"the drives at {line['drives']['address']} cannot be reached{f': {failure}' if failure else ''}"
         )
         yield Trouble(kinds.LINE_DOWN, place, where, what, axes)
+    if echo := line["drives"].get("echo"):
+        yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{line['drives']['address']}: {echo}")
     unit_ids = line.get("unit_ids", _NOT_TOLD)
     yield from _of_drives(name, unit_ids)
     yield from _of_damage(name, line)
@@ -152,6 +155,14 @@ def _of_drives(line: str, unit_ids: Mapping[str, Any]) -> Iterator[Trouble]:
         axes = tuple(name for name, of in unit_ids["axes"].items() if str(of) == unit_id)
         place = (line, unit_id)
         tried = "" if drive.get("tried_again_s") is None else ": only a trial goes there from time to time"
+        newest = min(asked, NEWEST)
+        other_ids = drive.get("other_ids_in_a_row", 0)
+        if other_ids and other_ids >= INSTEAD_SHARE * newest:
+            whose = f"its drive (unit id {unit_id})" if axes else f"unit id {unit_id}, which has no axis,"
+            where = _axes_named(axes) if axes else f"line {line}, unit id {unit_id}"
+            what = f"{whose} {drive['answers_with']}: no reply has counted for {span(silent_s)}{tried}"
+            yield Trouble(kinds.OTHER_ID, place, where, what, axes, silent_s)
+            continue
         if not axes:
             what = f"nobody has answered at unit id {unit_id}, which has no axis, for {span(silent_s)}{tried}"
             if asked >= FEWEST_ASKED:
@@ -162,11 +173,10 @@ def _of_drives(line: str, unit_ids: Mapping[str, Any]) -> Iterator[Trouble]:
         not_answered = "has never answered" if never else "has not answered"
         what = f"{whose} {not_answered} for {span(silent_s)}{tried}"
         yield Trouble(kinds.DRIVE_SILENT, place, where, what, axes, silent_s)
-        damaged, of = drive["damaged_in_a_row"], min(asked, NEWEST)
-        if damaged and damaged >= GARBLED_SHARE * of:
-            what = (
-                f"{whose} cannot be understood for {span(silent_s)}: {damaged} of {of} answers were damaged"
-            )
+        damaged = drive["damaged_in_a_row"]
+        if damaged and damaged >= INSTEAD_SHARE * newest:
+            share = f"{damaged} of {newest} answers were damaged"
+            what = f"{whose} cannot be understood for {span(silent_s)}: {share}"
             yield Trouble(kinds.DRIVE_GARBLED, place, where, what, axes, silent_s)
 
 

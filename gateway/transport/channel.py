@@ -1,8 +1,11 @@
 """The two halves that every transport has: a channel that takes bytes, and a receiver that gets them."""
 
-from typing import Protocol
+from typing import Final, Protocol
 
 from gateway.compiled import mypyc_attr
+
+CLOSED: Final = "connection closed"
+"""Why a connection ended whose peer has closed it as it should, or that was closed here when all was said."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

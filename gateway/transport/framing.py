@@ -34,6 +34,13 @@ def reply_decoder(
     return RtuReplyDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS, refused_reads=refused_reads)
 
 
+def returns_requests(endpoint: TcpEndpoint | SerialEndpoint) -> str:
+    """Say what is wrong where what is sent to drives comes back and nobody said so, and what to do."""
+    if isinstance(endpoint, SerialEndpoint):
+        return "the adapter returns what is sent: set echo = true"
+    return "the device server returns what is sent: switch its echo off"
+
+
 def endpoint_key(endpoint: TcpEndpoint | SerialEndpoint) -> str:
     """Return the configuration key under which an endpoint is given."""
     if isinstance(endpoint, SerialEndpoint):

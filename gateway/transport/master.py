@@ -11,7 +11,7 @@ from typing import Final, Protocol, Self
 
 from gateway.clock import boot_ns
 from gateway.modbus.crc import inverted_crc, residue_after
-from gateway.modbus.mbap import MbapDecoder, encode_mbap
+from gateway.modbus.mbap import MbapDecoder, answers_with, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.channel import Channel
@@ -23,6 +23,9 @@ from gateway.transport.tcp import connect
 from gateway.transport.timer import Timer
 
 SHOWN_BYTES: Final = 32
+LAST_ID: Final = 0xFFFF
+FIRST_ID: Final = 1
+"""Transaction ids go round without 0, which is what some servers answer with whatever they are asked."""
 
 
 class NoReplyError(Exception):
@@ -37,6 +40,10 @@ class GarbledError(NoReplyError):
     """Bytes came in time, and no reply could be made of them."""
 
 
+class OtherIdError(NoReplyError):
+    """A Modbus/TCP reply came in time, with another transaction id than was asked with."""
+
+
 class LostError(NoReplyError):
     """The connection or the port is gone."""
 
@@ -47,6 +54,11 @@ class _Framing(Protocol):
     @property
     def deadline_ns(self) -> int | None:
         """When the line has been silent for long enough to tell."""
+        ...
+
+    @property
+    def returned(self) -> int:
+        """How many reads of registers in a row came back."""
         ...
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
@@ -61,8 +73,8 @@ class _Framing(Protocol):
         """Return the reply that silence has ended, if it has."""
         ...
 
-    def give_up(self) -> None:
-        """Expect nothing any more."""
+    def give_up(self) -> str:
+        """Expect nothing any more; say what the drive did instead of answering, "": nothing is known."""
         ...
 
 
@@ -74,6 +86,10 @@ class _RtuFraming:
     def deadline_ns(self) -> int | None:
         return self._decoder.deadline_ns
 
+    @property
+    def returned(self) -> int:
+        return self._decoder.returned
+
     def request(self, unit_id: int, pdu: bytes) -> bytes:
         self._decoder.expect(unit_id, pdu)
         return encode_rtu(unit_id, pdu)
@@ -84,30 +100,47 @@ class _RtuFraming:
     def silent(self, now_ns: int) -> list[bytes]:
         return [pdu for _, pdu in self._decoder.on_silence(now_ns)]
 
-    def give_up(self) -> None:
+    def give_up(self) -> str:
         self._decoder.cancel()
+        return ""
 
 
 class _MbapFraming:
     deadline_ns = None
+    returned = 0
 
     def __init__(self) -> None:
         self._decoder = MbapDecoder()
         self._transaction_id = 0
+        self._given_up: set[int] = set()
+        """Numbers whose reply may come late; cleared when they go round."""
+        self._other_id: int | None = None
+        """That of a reply which is none to anything that was asked."""
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
-        self._transaction_id = (self._transaction_id + 1) & 0xFFFF
+        if self._transaction_id == LAST_ID:
+            self._transaction_id = FIRST_ID - 1
+            self._given_up.clear()
+        self._transaction_id += 1
+        self._other_id = None
         return encode_mbap(self._transaction_id, unit_id, pdu)
 
     def feed(self, data: bytes, now_ns: int) -> list[bytes]:
-        # The reply to an earlier request carries another number.
-        return [pdu for number, _, pdu in self._decoder.feed(data) if number == self._transaction_id]
+        replies = []
+        for number, _, pdu in self._decoder.feed(data):
+            if number == self._transaction_id:
+                replies.append(pdu)
+            elif number not in self._given_up and (number == 0 or number != self._transaction_id - 1):
+                # Else it answers an earlier request, late or twice.
+                self._other_id = number
+        return replies
 
     def silent(self, now_ns: int) -> list[bytes]:
         return []
 
-    def give_up(self) -> None:
-        pass
+    def give_up(self) -> str:
+        self._given_up.add(self._transaction_id)
+        return "" if self._other_id is None else answers_with(self._transaction_id, self._other_id)
 
 
 class ModbusMaster:
@@ -170,11 +203,17 @@ class ModbusMaster:
         if self._lost is not None:
             await asyncio.wait([self._lost])
 
+    @property
+    def returned(self) -> int:
+        """How many reads of registers in a row came back; see ``RtuReplyDecoder.returned``."""
+        return self._framing.returned
+
     async def exchange(self, unit_id: int, pdu: bytes) -> bytes:
         """Send a request and return the PDU of its reply, also one that refuses it.
 
         Raises:
             SilentError: nothing came in time.
+            OtherIdError: what came in time carries another transaction id.
             GarbledError: what came in time is no reply.
             LostError: the connection or the port is gone.
         """
@@ -242,11 +281,13 @@ class ModbusMaster:
 
     def _nothing(self) -> NoReplyError:
         """Give up on a reply, and say what came instead of it."""
-        self._framing.give_up()
+        instead = self._framing.give_up()
         if not self._has_ids:
             self._is_draining = True
             self._quiet_ns = boot_ns() + self._gap()
         within = f"within {self._timeout_s * 1000.0:g} ms"
+        if instead:
+            return OtherIdError(instead)
         if self._heard:
             return GarbledError(f"no whole reply {within}; the last bytes were {self._heard.hex(' ')}")
         return SilentError(f"no reply {within}")

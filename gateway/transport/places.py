@@ -4,7 +4,7 @@ Whoever holds connections and asks for nothing must not lock out a controller fo
 taken, a newcomer gets the place of the connection that has been quiet longest, of the host that has most of
 them. A host that has more than half of them makes room for others at once; among its own, and among hosts
 that have as many as each other, only after a while. So the one connection of a motion controller goes last,
-and never within :data:`QUIET_NS` of a request.
+and never within :data:`QUIET_NS` of a request, unless its peer is known to be gone (``peer_probe``).
 """
 
 from collections import Counter
@@ -32,6 +32,7 @@ class Closing(Enum):
 
     IDLE = "it asked for nothing (idle_timeout_s)"
     HALF_FRAME = "it did not finish a request"
+    VANISHED = "its peer acknowledged nothing for timeout_ms, and its host came again (max_connections)"
     MADE_ROOM = "it was quiet, and all places were taken: it made room for another one (max_connections)"
 
 
@@ -104,7 +105,7 @@ class Places:
         """Give a newcomer the place that there is for it."""
         other = self._who_makes_room(guest.host, now_ns) if len(self._guests) >= self._max else None
         if other is not None:
-            self._close(other, Closing.MADE_ROOM)
+            self.close(other, Closing.MADE_ROOM)
         self._guests.append(guest)
 
     def leave(self, guest: Guest) -> None:
@@ -120,11 +121,12 @@ class Places:
                 continue
             is_late = self._patience_ns and asking.unfinished_ns
             if is_late and now_ns - asking.unfinished_ns > self._patience_ns:
-                self._close(guest, Closing.HALF_FRAME)
+                self.close(guest, Closing.HALF_FRAME)
             elif self._idle_ns and _quiet_ns(guest, asking, now_ns) > self._idle_ns:
-                self._close(guest, Closing.IDLE)
+                self.close(guest, Closing.IDLE)
 
-    def _close(self, guest: Guest, why: Closing) -> None:
+    def close(self, guest: Guest, why: Closing) -> None:
+        """End a connection, and say why."""
         self.leave(guest)
         self._on_closed(guest.host, why)
         guest.abort()

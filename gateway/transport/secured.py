@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 from gateway.clock import boot_ns
 from gateway.transport.certificates import Identity, identity_of, now_utc
-from gateway.transport.channel import Channel, Receiver
+from gateway.transport.channel import CLOSED, Channel, Receiver
 from gateway.transport.endpoints import host_of
 from gateway.transport.handshakes import MADE_ROOM, HandshakeLimits
 from gateway.transport.places import Asking
@@ -184,7 +184,7 @@ class SecuredConnection(Channel):
         if self._tls is not None and self._receiver is not None:
             with suppress(ssl.SSLError):  # it does not wait for the answer
                 self._tls.unwrap()
-        self._hang_up()
+        self._hang_up(CLOSED)
 
     # --- a session -------------------------------------------------------------------------------------
 
@@ -315,7 +315,7 @@ class SecuredConnection(Channel):
         if data and self._channel is not None:
             self._channel.write(data)
 
-    def _hang_up(self) -> None:
+    def _hang_up(self, why: str = "closed by the gateway") -> None:
         """Close; what OpenSSL still has to say goes out before."""
         self._end_handshake()
         channel = self._channel
@@ -325,7 +325,7 @@ class SecuredConnection(Channel):
             self._flush()
         self._channel = None
         channel.close()
-        self._leave("closed by the gateway", boot_ns())
+        self._leave(why, boot_ns())
 
     def _leave(self, reason: str, now_ns: int) -> None:
         self._door.sessions.pop(self, None)

@@ -5,6 +5,7 @@ an exchange; a ``BufferedProtocol`` reads into memory that is there already.
 """
 
 import asyncio
+import contextlib
 import errno
 import os
 import socket
@@ -15,18 +16,25 @@ from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address
 from typing import Final, cast
 
 from gateway.clock import boot_ns
-from gateway.transport.channel import Channel, Receiver
+from gateway.times import NS_PER_S
+from gateway.transport.channel import CLOSED, Channel, Receiver
 from gateway.transport.direct import MORE_BYTES, RECEIVE_BYTES, DirectSocket, FarEnd
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.keeper import Keeper
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits, ConnectRate
 from gateway.transport.loop import RelayLoop
+from gateway.transport.peer_probe import PeerProbe, Verdict
 from gateway.transport.permissions import is_permission, no_port
-from gateway.transport.places import SWEEP_S, Asking, Closing, Places
+from gateway.transport.places import LOOK_EVERY_NS, SWEEP_S, Asking, Closing, Places
 from gateway.transport.stopping import stop_serving
 
 CONNECT_TIMEOUT_S: Final = 3.0
+LOOKS: Final = 4
+"""So often a peer is asked while it has time to acknowledge, for one probe may be lost;"""
+SHORTEST_LOOK_S: Final = 0.025
+"""but not more often than that."""
+BROKEN_OFF: Final = "broken off"
 KEEPALIVE_IDLE_S: Final = 10
 KEEPALIVE_INTERVAL_S: Final = 3
 KEEPALIVE_COUNT: Final = 3
@@ -105,7 +113,7 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
         self._transport = None
         if not self.lost.done():
             self.lost.set_result(None)
-        why = self._why_broken_off or (str(exc) if exc else "connection closed")
+        why = self._why_broken_off or (str(exc) if exc else CLOSED)
         self._receiver.closed(why, boot_ns())
 
     def write(self, data: bytes) -> None:
@@ -164,6 +172,9 @@ class _AcceptedChannel(TcpChannel):
         self.host = ""
         self.opened_ns = boot_ns()
         self.asking = receiver if isinstance(receiver, Asking) else None
+        self._probe: PeerProbe | None = None
+        self._not_before_ns = 0
+        """Its peer is not asked again before that."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         peername = transport.get_extra_info("peername")
@@ -179,9 +190,48 @@ class _AcceptedChannel(TcpChannel):
             cast("asyncio.Transport", transport).abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
+        self._probe = None
         if self._admitted:
             super().connection_lost(exc)
         self._listener.forget(self)
+
+    def abort(self) -> None:
+        """See ``Guest``."""
+        self._why_broken_off = self._why_broken_off or BROKEN_OFF
+        super().abort()
+
+    @property
+    def is_probed(self) -> bool:
+        """Whether its peer is asked whether it is there."""
+        return self._probe is not None
+
+    def peer_has_gone(self) -> bool:
+        """Whether its peer has closed or reset it; what was not read yet is read all the same."""
+        if self._direct is not None:
+            return self._direct.has_gone(asks=True)
+        return self.has_gone(asks=True)
+
+    def probe_peer(self, patience_ns: int, now_ns: int) -> None:
+        """Begin to ask its peer whether it is there, unless it has just said so."""
+        if self._probe is None and self._transport is not None and now_ns >= self._not_before_ns:
+            connection: socket.socket = self._transport.get_extra_info("socket")
+            with contextlib.suppress(OSError):  # it is lost in this moment
+                self._probe = PeerProbe(connection, patience_ns, now_ns)
+
+    def look_at_peer(self, patience_ns: int, now_ns: int) -> Verdict:
+        """Return what its peer has said by now."""
+        if self._probe is None:
+            return Verdict.THERE
+        try:
+            found = self._probe.look(now_ns)
+            if found is not Verdict.UNKNOWN:
+                self._probe.end()
+        except OSError:  # it is lost in this moment
+            found = Verdict.THERE
+        if found is not Verdict.UNKNOWN:
+            self._probe = None
+            self._not_before_ns = now_ns + patience_ns
+        return found
 
 
 class Refusal(Enum):
@@ -198,6 +248,11 @@ class TcpListener:
     ``allow`` names the networks whose addresses are let in (empty: all), ``limits`` how many at once and in a
     second; others are closed at once, counted in ``refused`` and told to ``on_refused``, with the reason.
     ``patience_ns`` and ``on_closed`` are as in :class:`Places`.
+
+    A host that comes while all places are taken has its other connections looked at. The place of one that
+    its peer has closed or reset is free at once. A peer that leaves a probe unacknowledged for
+    ``acknowledged_within_ns`` is gone (0: none is asked). The newcomer is refused until then: what it asks
+    would be old when it gets its place.
     """
 
     def __init__(
@@ -210,7 +265,13 @@ class TcpListener:
         limits: ConnectionLimits = DEFAULT_LIMITS,
         patience_ns: int = 0,
         on_closed: Callable[[str, Closing], None] = lambda _host, _why: None,
+        acknowledged_within_ns: int = 0,
     ) -> None:
+        self._acknowledged_within_ns = acknowledged_within_ns
+        self._looks_s = max(acknowledged_within_ns / (LOOKS * NS_PER_S), SHORTEST_LOOK_S)
+        self._probing: asyncio.TimerHandle | None = None
+        self._looked_ns = 0
+        """When the connections of a newcomer's host were looked at last, and all of them were open."""
         self._rate = ConnectRate(limits)
         self._places = Places(limits, patience_ns, on_closed)
         self._sweeping: asyncio.TimerHandle | None = None
@@ -219,7 +280,7 @@ class TcpListener:
         self._make_receiver = make_receiver
         self._on_refused = on_refused
         self._servers: list[asyncio.Server] = []
-        self._channels: set[TcpChannel] = set()
+        self._channels: set[_AcceptedChannel] = set()
         self._is_accepting = True
         self.refused = 0
         self.accepted = 0
@@ -261,8 +322,9 @@ class TcpListener:
     def stop_accepting(self) -> None:
         """Take no more connections, not even one that was handed over just now; those that are open stay."""
         self._is_accepting = False
-        if self._sweeping is not None:
-            self._sweeping.cancel()
+        for timer in (self._sweeping, self._probing):
+            if timer is not None:
+                timer.cancel()
         for server in self._servers:
             stop_serving(server)
 
@@ -287,7 +349,7 @@ class TcpListener:
         # Who may not connect at all learns nothing about how many do.
         if not self._is_allowed(channel.host):
             return self._refuse(channel.host, Refusal.NOT_ALLOWED)
-        if not self._places.has_room_for(channel.host, channel.opened_ns):
+        if not self._has_room_for(channel.host, channel.opened_ns):
             return self._refuse(channel.host, Refusal.TOO_MANY)
         if not self._rate.takes(channel.host, channel.opened_ns):
             return self._refuse(channel.host, Refusal.TOO_FAST)
@@ -303,6 +365,40 @@ class TcpListener:
             self._rate.give_back(channel.host, boot_ns())
         self._channels.discard(channel)
         self._places.leave(channel)
+
+    def _has_room_for(self, host: str, now_ns: int) -> bool:
+        if self._places.has_room_for(host, now_ns):
+            return True
+        if now_ns - self._looked_ns < LOOK_EVERY_NS:
+            return False
+        has_room = False
+        for channel in tuple(self._channels):
+            if channel.host != host:
+                continue
+            if channel.peer_has_gone():
+                self._places.leave(channel)  # it ends when what it has sent was read
+                has_room = True
+            elif self._acknowledged_within_ns:
+                channel.probe_peer(self._acknowledged_within_ns, now_ns)
+        if not has_room:
+            self._looked_ns = now_ns  # a flood must not keep the loop busy
+        self._look_later()
+        return has_room
+
+    def _look_later(self) -> None:
+        if self._probing is None and any(channel.is_probed for channel in self._channels):
+            self._probing = asyncio.get_running_loop().call_later(self._looks_s, self._look)
+
+    def _look(self) -> None:
+        self._probing = None
+        now_ns = boot_ns()
+        for channel in tuple(self._channels):
+            if (
+                channel.is_probed
+                and channel.look_at_peer(self._acknowledged_within_ns, now_ns) is Verdict.GONE
+            ):
+                self._places.close(channel, Closing.VANISHED)
+        self._look_later()
 
     def _sweep_later(self) -> None:
         self._sweeping = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)

@@ -13,7 +13,7 @@ from gateway.compensation.units import Units
 from gateway.drives.motion import Form
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
 from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField, RegisterType, WordOrder
-from gateway.transport.master import SilentError
+from gateway.transport.master import OtherIdError, SilentError
 
 COMMAND, ACTUAL, COMMANDED, STATUS = 0x100, 0x110, 0x120, 0x130
 HIGH, LOW = WordOrder.HIGH_FIRST, WordOrder.LOW_FIRST
@@ -55,6 +55,7 @@ class Memory:
         self.later: dict[int, bytes] = {}
         """What is at an address when it is read again."""
         self.is_silent = False
+        self.has_other_ids = False
         for field in (*plan.command, *plan.actual, *plan.commanded):
             self.put(field, 50_000)
 
@@ -70,6 +71,8 @@ class Memory:
         assert function in (1, 2, 3, 4), "only reads"
         if self.is_silent:
             raise SilentError("no reply within 100 ms")
+        if self.has_other_ids:
+            raise OtherIdError(f"answers, with transaction id 0 (asked with {len(self.asked)})")
         if function in (1, 2):
             return bytes((function, 1, address in self.inputs))
         if address not in self.words:
@@ -99,6 +102,30 @@ async def test_a_good_axis_has_no_findings_and_is_placed_on_both_branches() -> N
     assert place.corrected == 50.0
     assert place.forward == pytest.approx(-50.01)
     assert place.backward == pytest.approx(-49.97)
+
+
+async def test_an_adapter_that_returns_what_is_sent_is_named_first() -> None:
+    plan = axis()
+    found = await read_axis(Memory(plan), plan)
+    found.echoes = "the adapter returns what is sent: set echo = true"
+    first, *others = findings_of(found)
+    assert (first.weight, others) == (Weight.ERROR, [])
+    assert first.text == (
+        "the adapter returns what is sent: set echo = true; else the return of a write is taken for its "
+        "acknowledgement"
+    )
+
+
+async def test_a_drive_that_answers_with_another_transaction_id_is_not_called_off() -> None:
+    plan = axis()
+    memory = Memory(plan)
+    memory.has_other_ids = True
+    found, errors, warnings = await look(plan, memory)
+    assert (found.answers, len(memory.asked)) == (True, 2)
+    said = "unit id 7 answers, with transaction id 0 (asked with 1): such a reply answers nothing; "
+    assert [error.startswith(said) for error in errors] == [True]
+    assert "is on" not in errors[0]
+    assert warnings == []
 
 
 async def test_each_register_is_asked_for_once_and_the_actual_position_twice() -> None:

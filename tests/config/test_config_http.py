@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from gateway.config.load import load
+from gateway.config.problems import ConfigErrors, Problem
 from gateway.transport.endpoints import TcpEndpoint
-from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused
+from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused, written
 
 
 def listening(address: str) -> str:
@@ -57,3 +59,16 @@ def test_a_controller_and_the_page_do_not_share_an_address(tmp_path: Path, addre
 def test_a_controller_at_the_address_that_the_page_has_by_itself(tmp_path: Path) -> None:
     problem = only(refused(tmp_path, edited(("127.0.0.1:1502", "127.0.0.1:8480"))), "http.listen")
     assert problem.found == "127.0.0.1:8480 is listened on by line.xyz.controllers[2].tcp already"
+
+
+def test_a_page_on_all_ipv6_addresses_is_on_no_ipv4_address(tmp_path: Path) -> None:
+    found = [warning for warning in _warnings_of(tmp_path, listening("[::]:8480")) if "IPv6" in warning.found]
+    assert [warning.key for warning in found] == ["http.listen"]
+    assert 'listen = "0.0.0.0:8480"' in found[0].remedy
+
+
+def _warnings_of(folder: Path, text: str) -> tuple[Problem, ...]:
+    """Return the warnings of a configuration that is refused for having neither TLS nor tokens."""
+    with pytest.raises(ConfigErrors) as caught:
+        load(written(folder, text))
+    return caught.value.warnings

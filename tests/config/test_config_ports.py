@@ -96,3 +96,41 @@ def test_one_that_cannot_move_it_or_where_all_are_meant_to_is_none(
     tmp_path: Path, changes: str, axis: str
 ) -> None:
     assert two_movers(tmp_path, changes, axis) == []
+
+
+ALONE = "takes IPv6 connections alone"
+
+
+def listening_at(*addresses: str) -> str:
+    """Return the configuration with its second controller at the first address, and more at the others."""
+    more = "".join(
+        f'\n[[line.xyz.controllers]]\nname = "more-{number}"\ntcp = "{address}"\n'
+        for number, address in enumerate(addresses[1:])
+    )
+    return edited(("127.0.0.1:1502", addresses[0])) + more
+
+
+@pytest.mark.parametrize(
+    ("addresses", "key"),
+    [
+        (("[::]:1502",), "line.xyz.controllers[2].tcp"),
+        (("[0:0::0]:1502",), "line.xyz.controllers[2].tcp"),
+        (("127.0.0.1:1502", "[::]:1503"), "line.xyz.controllers[3].tcp"),
+        (("0.0.0.0:1503", "[::]:1502"), "line.xyz.controllers[3].tcp"),
+        # Both, as the remedy has it; IPv4 alone; or what nobody takes for all addresses.
+        (("[::]:1502", "0.0.0.0:1502"), None),
+        (("0.0.0.0:1502", "[::]:1502"), None),
+        (("0.0.0.0:1502",), None),
+        (("[::1]:1502",), None),
+        (("[2001:db8::1]:1502",), None),
+    ],
+)
+def test_who_listens_on_all_ipv6_addresses_learns_that_these_are_not_all(
+    tmp_path: Path, addresses: tuple[str, ...], key: str | None
+) -> None:
+    warnings = loaded(tmp_path, listening_at(*addresses)).warnings
+    found = [warning for warning in warnings if ALONE in warning.found]
+    assert [warning.key for warning in found] == ([] if key is None else [key])
+    if found:
+        port = next(address for address in addresses if address.startswith("[0") or "::]" in address)[-4:]
+        assert f'tcp = "0.0.0.0:{port}"' in found[0].remedy

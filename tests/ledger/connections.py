@@ -49,9 +49,9 @@ class Doorway(Requests):
         if why_given_up:
             self._ledger.given_up(request, why_given_up)
 
-    def controller_gone(self, port: ControllerPort, now_ns: int) -> None:
+    def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
         """See ``Requests``."""
-        self._line.controller_gone(port, now_ns)
+        self._line.controller_gone(port, now_ns, is_broken=is_broken)
         self._ledger.gone(self.book)
 
 

@@ -5,7 +5,7 @@ import random
 import pytest
 
 from gateway.modbus.crc import append_crc, is_intact
-from gateway.modbus.rtu import RtuReplyDecoder
+from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 
 MS = 1_000_000
 READ = bytes.fromhex("03 02 00 00 02")
@@ -273,3 +273,94 @@ def test_endless_noise_is_bounded() -> None:
     assert decoder.counters.dropped_bytes >= 50 * 300 - 512
     decoder.reset()
     assert not decoder.is_expecting
+
+
+# --- requests that come back, and nobody said so
+
+
+def returned_by(decoder: RtuReplyDecoder, request: bytes, *came: bytes) -> int:
+    """Ask something of unit id 1, let bytes come, and wait out the silence behind them."""
+    decoder.expect(1, request)
+    now_ns = 0
+    for data in came:
+        now_ns += MS
+        decoder.feed(data, now_ns)
+    decoder.on_silence(now_ns + 40 * MS)
+    decoder.cancel()
+    return decoder.returned
+
+
+def adu(pdu: str) -> bytes:
+    return encode_rtu(1, bytes.fromhex(pdu))
+
+
+READ_2 = bytes.fromhex("03 0010 0002")
+REPLY_2 = adu("03 04 1122 3344")
+
+
+@pytest.mark.parametrize(
+    "came",
+    [
+        (adu("03 0010 0002"), REPLY_2),
+        (adu("03 0010 0002") + REPLY_2,),
+        (adu("03 0010 0002")[:3], adu("03 0010 0002")[3:] + REPLY_2[:2], REPLY_2[2:]),
+        (adu("03 0010 0002"), adu("83 02")),
+        (adu("03 0010 0002"),),  # and no drive
+    ],
+)
+def test_a_read_that_comes_back_is_noted_each_time(came: tuple[bytes, ...]) -> None:
+    decoder = RtuReplyDecoder(2 * MS, 30 * MS)
+    assert [returned_by(decoder, READ_2, *came) for _ in range(3)] == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("request_pdu", "came"),
+    [
+        # Acknowledgements that repeat their request, alone and twice: an adapter's echo looks no different.
+        ("06 0010 1234", (adu("06 0010 1234"),)),
+        ("06 0010 1234", (adu("06 0010 1234"), adu("06 0010 1234"))),
+        ("05 0010 FF00", (adu("05 0010 FF00"), adu("05 0010 FF00"))),
+        ("08 0000 A537", (adu("08 0000 A537"), adu("08 0000 A537"))),
+        ("16 0004 00F2 0025", (adu("16 0004 00F2 0025"), adu("16 0004 00F2 0025"))),
+        # A drive that mirrors a write of several.
+        ("10 0010 0001 02 1234", (adu("10 0010 0001 02 1234"),)),
+        # 20 coils from 0x0311 on are three bytes, and these may be 11 00 14: that is the reply.
+        ("01 0311 0014", (adu("01 03 11 0014"),)),
+        # The same of registers cannot be, and is left alone all the same.
+        ("03 0311 0002", (adu("03 0311 0002"), REPLY_2)),
+        # A reply alone; another one's request; its own behind the reply.
+        ("03 0010 0002", (REPLY_2,)),
+        ("03 0010 0002", (adu("03 0010 0001"), REPLY_2)),
+        ("03 0010 0002", (encode_rtu(2, READ_2), REPLY_2)),
+        ("03 0010 0002", (REPLY_2, adu("03 0010 0002"))),
+    ],
+)
+def test_what_may_be_a_drives_own_reply_is_never_taken_for_an_echo(
+    request_pdu: str, came: tuple[bytes, ...]
+) -> None:
+    decoder = RtuReplyDecoder(2 * MS, 30 * MS)
+    assert [returned_by(decoder, bytes.fromhex(request_pdu), *came) for _ in range(3)] == [0, 0, 0]
+
+
+@pytest.mark.parametrize("came", [(REPLY_2,), (REPLY_2[:4], REPLY_2[4:])])
+def test_a_reply_without_its_request_before_it_ends_the_row(came: tuple[bytes, ...]) -> None:
+    decoder = RtuReplyDecoder(2 * MS, 30 * MS)
+    echo = adu("03 0010 0002")
+    for _ in range(2):
+        returned_by(decoder, READ_2, echo, REPLY_2)
+    write = bytes.fromhex("06 0010 1234")
+    assert returned_by(decoder, write, encode_rtu(1, write)) == 2  # tells nothing
+    assert returned_by(decoder, READ_2, *came) == 0
+
+
+def test_a_read_that_comes_back_from_a_silent_drive_is_no_reply() -> None:
+    decoder = RtuReplyDecoder(2 * MS, 30 * MS)
+    decoder.expect(1, READ_2)
+    assert decoder.feed(adu("03 0010 0002"), MS) == []
+    assert decoder.on_silence(40 * MS) == []  # before: (1, 03 0010 0002)
+    assert (decoder.counters.echoes, decoder.counters.damaged, decoder.returned) == (1, 0, 1)
+
+
+def test_an_echo_that_was_announced_is_no_finding() -> None:
+    decoder = RtuReplyDecoder(2 * MS, 30 * MS, echo=True)
+    assert [returned_by(decoder, READ_2, adu("03 0010 0002"), REPLY_2) for _ in range(3)] == [0, 0, 0]

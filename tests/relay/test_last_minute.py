@@ -1,6 +1,6 @@
 """Counters of the last minute, and which requests met with damage."""
 
-from gateway.relay.drive_link import Damage
+from gateway.relay.drive_link import Instead
 from gateway.relay.last_minute import LastMinute
 from gateway.times import NS_PER_S
 
@@ -28,10 +28,10 @@ def test_before_a_minute_has_passed_everything_counts_and_new_counters_begin_at_
 
 
 def test_of_the_unanswered_in_a_row_it_is_known_which_met_with_damage() -> None:
-    damage = Damage()
+    damage = Instead()
     for is_damaged in (True, True, False, True):
-        damage.note(is_damaged=is_damaged)
+        damage.note(came=is_damaged)
     assert (damage.total, damage.among(1), damage.among(2), damage.among(3)) == (3, 1, 1, 2)
     for _ in range(100):
-        damage.note(is_damaged=True)
+        damage.note(came=True)
     assert (damage.total, damage.among(100)) == (103, 32)

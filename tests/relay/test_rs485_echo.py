@@ -1,28 +1,40 @@
 """An RS-485 adapter whose receiver stays on: every request comes back before its reply."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.transport.endpoints import SerialEndpoint
 
 if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
+    from gateway.relay.gateway import Relay
+    from tests.relay.conftest import Bench, RawEnd, Tools
 
 WRITE = bytes.fromhex("06 00C8 1234")
+READ = bytes.fromhex("03 0010 0002")
+SEVENS = bytes.fromhex("03 04 0007 0007")
 BROADCAST = bytes.fromhex("06 6002 0040")
 
 
 class Echoing:
-    """Sends back what it hears, and acknowledges a write of one register: the very same bytes again."""
+    """Sends back what it hears, and acknowledges a write of one register: the very same bytes again.
 
-    def __init__(self) -> None:
+    Each register that is read is 7.
+    """
+
+    def __init__(self, *, has_echo: bool = True) -> None:
+        self.has_echo = has_echo
         self._decoder = RtuRequestDecoder()
 
     def __call__(self, data: bytes) -> bytes:
-        answers = b"".join(encode_rtu(unit, pdu) for unit, pdu in self._decoder.feed(data, 0) if unit)
-        return data + answers
+        heard = self._decoder.feed(data, 0)
+        answers = [encode_rtu(unit, _answer(pdu)) for unit, pdu in heard if unit]
+        return (data if self.has_echo else b"") + b"".join(answers)
+
+
+def _answer(pdu: bytes) -> bytes:
+    return bytes((3, 2 * pdu[4])) + b"\0\7" * pdu[4] if pdu[0] == 3 else pdu
 
 
 async def test_the_own_request_is_taken_out_and_is_no_acknowledgement(bench: "Bench", tools: "Tools") -> None:
@@ -43,3 +55,38 @@ async def test_the_own_request_is_taken_out_and_is_no_acknowledgement(bench: "Be
     await controller.receives(encode_mbap(4, 1, WRITE))
     status = tools.line_status(relay)
     assert (status["echoes"], status["late"], status["stray_bytes"]) == (5, 0, 0)
+
+
+async def test_an_echo_that_nobody_announced_is_named_as_that(bench: "Bench", tools: "Tools") -> None:
+    relay, controller = await _undeclared(bench, tools, Echoing())
+    for number in range(3):
+        controller.data = b""
+        controller.write(encode_mbap(number, 1, READ))
+        await controller.receives(encode_mbap(number, 1, SEVENS))
+    why = "the adapter returns what is sent: set echo = true"
+    drives: Any = tools.line_status(relay)["drives"]
+    assert drives["echo"] == why
+    [note] = [note for note in bench.notes if note.event == "adapter-echoes"]
+    assert note.fields["detail"] == f"{drives['address']}: {why}"
+
+
+async def test_a_drive_that_acknowledges_with_the_bytes_of_the_request_is_no_echo(
+    bench: "Bench", tools: "Tools"
+) -> None:
+    relay, controller = await _undeclared(bench, tools, Echoing(has_echo=False))
+    for number, (asked, answer) in enumerate([(WRITE, WRITE), (READ, SEVENS)] * 4):
+        controller.data = b""
+        controller.write(encode_mbap(number, 1, asked))
+        await controller.receives(encode_mbap(number, 1, answer))
+    drives: Any = tools.line_status(relay)["drives"]
+    assert drives["echo"] == ""
+    assert [note for note in bench.notes if note.event == "adapter-echoes"] == []
+
+
+async def _undeclared(bench: "Bench", tools: "Tools", drive: Echoing) -> "tuple[Relay, RawEnd]":
+    """Return a gateway that was told nothing of an echo, and its controller."""
+    _, where = await bench.drive("rtu", drive)
+    link, _ = bench.controller_link("tcp", timeout_ms=4000.0)
+    relay = await bench.relay(where, (link,), timing=replace(tools.timing, response_timeout_ms=2000.0))
+    await tools.until_up(relay)
+    return relay, await bench.connect(relay.address("line", "cnc"))

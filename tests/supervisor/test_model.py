@@ -261,6 +261,45 @@ def test_a_drive_that_answers_as_another_is_a_trouble() -> None:
     assert kinds(model(snapshot)) == [("warning", "answers-as-another", "line xyz")]
 
 
+def test_an_adapter_that_returns_what_is_sent_is_named_and_not_its_damage() -> None:
+    snapshot = with_drive({**ANSWERS, "damaged_minute": 12})
+    snapshot["lines"]["xyz"]["minute"] = {"exchanges": 100, "damaged": 12}
+    assert kinds(model(snapshot)) == [("warning", "drive-damaged", "line xyz, unit id 1")]
+    snapshot["lines"]["xyz"]["drives"] |= {
+        "address": "/dev/ttyUSB0",
+        "echo": "the adapter returns what is sent: set echo = true",
+    }
+    found = model(snapshot)
+    assert kinds(found) == [("error", "adapter-echoes", "line xyz")]
+    assert found["troubles"][0]["what"] == "/dev/ttyUSB0: the adapter returns what is sent: set echo = true"
+
+
+OTHER_ID: dict[str, Any] = {
+    "answered_s": None,
+    "silent_s": 12.4,
+    "timeouts_in_a_row": 4,
+    "damaged": 0,
+    "damaged_in_a_row": 0,
+    "damaged_minute": 0,
+    "other_ids_in_a_row": 4,
+    "answers_with": "answers, with transaction id 0 (asked with 4)",
+}
+
+
+def test_a_drive_that_answers_with_another_transaction_id_is_not_called_silent() -> None:
+    found = model(with_drive(OTHER_ID))
+    assert kinds(found) == [("error", "other-transaction-id", "axis x")]
+    assert found["troubles"][0]["what"] == (
+        "its drive (unit id 1) answers, with transaction id 0 (asked with 4): no reply has counted for 12 s"
+    )
+    assert kinds(model(with_drive(OTHER_ID, "7"))) == [
+        ("error", "other-transaction-id", "line xyz, unit id 7")
+    ]
+    # It did so once, and has been off since.
+    once = {**OTHER_ID, "timeouts_in_a_row": 40, "other_ids_in_a_row": 1}
+    assert kinds(model(with_drive(once))) == [("error", "drive-silent", "axis x")]
+
+
 ANSWERS: dict[str, Any] = {
     "answered_s": 0.1,
     "silent_s": None,

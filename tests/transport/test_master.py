@@ -9,7 +9,14 @@ import pytest
 from gateway.clock import boot_ns
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
-from gateway.transport.master import GarbledError, LostError, ModbusMaster, SilentError
+from gateway.transport.master import (
+    GarbledError,
+    LostError,
+    ModbusMaster,
+    OtherIdError,
+    SilentError,
+    _MbapFraming,
+)
 from tests.transport.scripted_drive import ANSWER, ASK, KINDS, Drive, Rig, framed
 
 
@@ -116,3 +123,61 @@ async def test_a_port_that_another_program_has_is_not_used(rig: Rig) -> None:
         with pytest.raises(RefusedError, match="in use by another program"):
             async with ModbusMaster(endpoint):
                 pass
+
+
+async def test_another_transaction_id_is_told_from_silence(rig: Rig) -> None:
+    drive = Drive(lambda data: b"\0\0" + framed("tcp", data, ANSWER)[2:])
+    async with ModbusMaster(await rig.drive("tcp", drive), 60.0) as master:
+        for asked in (1, 2):
+            why = rf"^answers, with transaction id 0 \(asked with {asked}\)$"
+            with pytest.raises(OtherIdError, match=why):
+                await master.exchange(1, ASK)
+
+
+async def test_a_late_reply_and_one_that_comes_twice_are_no_other_transaction_id(rig: Rig) -> None:
+    late: list[bytes] = []
+
+    def script(data: bytes) -> bytes | None:
+        answer = framed("tcp", data, ANSWER)
+        late.append(answer)
+        earlier = {2: 0, 4: 2}  # the second gets what the first got, the fourth what the third is owed
+        number = len(late)
+        return None if number == 3 else late[earlier.get(number, number - 1)]
+
+    async with ModbusMaster(await rig.drive("tcp", Drive(script)), 60.0) as master:
+        assert await master.exchange(1, ASK) == ANSWER
+        with pytest.raises(GarbledError):
+            await master.exchange(1, ASK)  # the reply before, once more
+        with pytest.raises(SilentError):
+            await master.exchange(1, ASK)
+        with pytest.raises(GarbledError):
+            await master.exchange(1, ASK)  # that of the request that was given up
+
+
+async def test_transaction_ids_go_round_without_0(rig: Rig) -> None:
+    heard: list[bytes] = []
+
+    def script(data: bytes) -> bytes:
+        heard.append(data[:2])
+        return framed("tcp", data, ANSWER)
+
+    async with ModbusMaster(await rig.drive("tcp", Drive(script)), 5000.0) as master:
+        assert isinstance(master._framing, _MbapFraming)
+        master._framing._transaction_id = 0xFFFE
+        for _ in range(2):
+            assert await master.exchange(1, ASK) == ANSWER
+    assert heard == [b"\xff\xff", b"\x00\x01"]
+
+
+async def test_reads_that_come_back_are_counted_until_one_does_not(rig: Rig) -> None:
+    reply = [True, True, False]
+
+    def script(data: bytes) -> bytes:
+        return (data if reply.pop(0) else b"") + framed("rtu", data, ANSWER)
+
+    returned = []
+    async with ModbusMaster(await rig.drive("rtu", Drive(script)), 5000.0) as master:
+        for _ in range(3):
+            assert await master.exchange(1, ASK) == ANSWER
+            returned.append(master.returned)
+    assert returned == [1, 2, 0]

@@ -140,6 +140,25 @@ async def test_ipv6_is_served(make_recorder: "type[Recorder]") -> None:
     await listener.close()
 
 
+async def test_all_ipv6_addresses_are_no_ipv4_addresses(make_recorder: "type[Recorder]") -> None:
+    """So ``allow`` of one kind never lets the other kind in, and a port may have a listener of each."""
+    listener = TcpListener(TcpEndpoint("::", 0), (), make_recorder, nobody)
+    try:
+        await listener.open()
+    except RefusedError:
+        pytest.skip("this machine has no IPv6")
+    port = listener.addresses[0].port
+    with pytest.raises(ConnectionRefusedError):
+        await connect(TcpEndpoint("127.0.0.1", port))
+    other = TcpListener(TcpEndpoint("0.0.0.0", port), (), make_recorder, nobody)
+    await other.open()
+    for host in ("::1", "127.0.0.1"):
+        _, writer = await connect(TcpEndpoint(host, port))
+        writer.close()
+    await listener.close()
+    await other.close()
+
+
 async def test_connections_are_limited(make_recorder: "type[Recorder]", eventually: "Eventually") -> None:
     refused: list[tuple[str, Refusal]] = []
     listener = TcpListener(LOOPBACK, (), make_recorder, lambda host, why: refused.append((host, why)))

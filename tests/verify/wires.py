@@ -171,9 +171,9 @@ class Door(TimedExchange):
         now_ns = self.now_ns or now_ns
         self._exchange.request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
 
-    def controller_gone(self, port: AnyPort, now_ns: int) -> None:
+    def controller_gone(self, port: AnyPort, now_ns: int, *, is_broken: bool = False) -> None:
         """See ``Requests``."""
-        self._exchange.controller_gone(port, now_ns)
+        self._exchange.controller_gone(port, now_ns, is_broken=is_broken)
 
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """See ``TimedExchange``."""

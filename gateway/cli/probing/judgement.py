@@ -70,7 +70,7 @@ def position_of(plan: AxisPlan, reading: Reading) -> Position:
 
 def findings_of(found: AxisReadings) -> list[Finding]:
     """Return everything that is wrong, and everything to know before the first move."""
-    findings = [*_answers(found), *_bits(found)]
+    findings = [*_echoes(found), *_answers(found), *_bits(found)]
     for name in ("actual", "commanded", "command"):
         reading = found.of(name)
         if reading is not None:
@@ -109,7 +109,19 @@ def _warning(text: str) -> Finding:
     return Finding(Weight.WARNING, text)
 
 
+def _echoes(found: AxisReadings) -> Iterator[Finding]:
+    if found.echoes:
+        yield _error(f"{found.echoes}; else the return of a write is taken for its acknowledgement")
+
+
 def _answers(found: AxisReadings) -> Iterator[Finding]:
+    if found.instead:
+        yield _error(
+            f"unit id {found.plan.unit_id} {found.instead}: such a reply answers nothing; bring the firmware "
+            "of the drive or its converter up to date, or put a converter in its place that returns the "
+            "transaction id; where it speaks RTU over TCP, use rtu_over_tcp"
+        )
+        return
     if found.readings and not found.answers:
         problem = next(iter(found.readings.values())).problem
         yield _error(

@@ -13,10 +13,12 @@ from gateway.ipc.plan import LinePlan
 from gateway.modbus.pdu import ExceptionCode, is_exception
 from gateway.modbus.registers import BitField, FieldAccess, PositionField
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
-from gateway.transport.master import NoReplyError
+from gateway.transport.master import NoReplyError, OtherIdError
 
 LAST_UNIT_ID: Final = 247
 """Of one device: Modbus over serial line V1.02, section 2.2."""
+RETURNED: Final = 2
+"""So many reads that came back are enough: nobody else asks here."""
 SILENT_READS: Final = 2
 """After so many reads without any reply a drive is not asked any more."""
 
@@ -66,6 +68,8 @@ class Reading:
     words: bytes = b""
     problem: str = ""
     is_silent: bool = False
+    instead: str = ""
+    """What the drive did in the place of an answer."""
 
     @property
     def raw(self) -> float | None:
@@ -101,6 +105,8 @@ class AxisReadings:
     """A unit id that nothing is known of, where it was asked."""
     on_wrong_crc: OnWrongCrc | None = None
     """None: it was not asked so."""
+    echoes: str = ""
+    """Where what is sent comes back and nobody said so: that, and what to do."""
     left_out: list[str] = field(default_factory=list)
     """What was not read, and why."""
 
@@ -119,6 +125,13 @@ class AxisReadings:
         """Whether the drive answered anything at all."""
         return any(not reading.is_silent for reading in self.readings.values())
 
+    @property
+    def instead(self) -> str:
+        """What the drive does in the place of answering; "" where it answers, or says nothing."""
+        readings = self.readings.values()
+        is_none = all(reading.is_silent or reading.instead for reading in readings)
+        return next((reading.instead for reading in readings if reading.instead), "") if is_none else ""
+
 
 async def read_axis(master: Asking, plan: AxisPlan) -> AxisReadings:
     """Read every bit and position of an axis that may be read."""
@@ -129,7 +142,7 @@ async def read_axis(master: Asking, plan: AxisPlan) -> AxisReadings:
     axis = Axis(plan)
     for place in _places(found):
         found.readings[place.name] = await _read(master, axis, place)
-        silent = [reading for reading in found.readings.values() if reading.is_silent]
+        silent = [reading for reading in found.readings.values() if reading.is_silent or reading.instead]
         if len(silent) >= SILENT_READS and len(silent) == len(found.readings):
             found.left_out.append("it does not answer: the rest was not asked for")
             return found
@@ -210,6 +223,8 @@ async def _read(master: Asking, axis: Axis, place: Place) -> Reading:
     frame = frame_of(axis, place)
     try:
         reply = await master.exchange(axis.plan.unit_id, frame.pdu)
+    except OtherIdError as error:
+        return Reading(place, problem=str(error), instead=str(error))
     except NoReplyError as error:
         return Reading(place, problem=str(error), is_silent=True)
     if is_exception(reply):

@@ -139,7 +139,11 @@ CONTROLLERS: Final[Texts] = {
         meaning="serial port that the controller is wired to",
     ),
     "tcp": Said(
-        meaning="address to listen on",
+        meaning=(
+            "address to listen on. `0.0.0.0` stands for all IPv4 addresses of this machine, `[::]` for its "
+            'IPv6 addresses alone: for both write two controllers, `tcp = "0.0.0.0:502"` and '
+            '`tcp = "[::]:502"`, each with `allow` networks of its own kind'
+        ),
     ),
     "role": Said(
         meaning=(

@@ -38,7 +38,7 @@ HTTP: Final[Texts] = {
     "listen": Said(
         meaning=(
             "address of the page and of everything else that is served over HTTP ([http](http.md)); "
-            '`""`: none over TCP. Read-only'
+            '`""`: none over TCP. `[::]` takes IPv6 connections alone. Read-only'
         ),
         kind='`"HOST:PORT"`, `"[IPv6]:PORT"` or `""`',
     ),

@@ -277,6 +277,11 @@ class FieldImage:
         if stays_buffered and self.completeness is Completeness.PARTS_LOST:
             self.completeness = Completeness.PARTS_BUFFERED
 
+    def forget_parts(self) -> None:
+        """The connection of some parts broke off: nothing that comes on another one completes them."""
+        if self.completeness is Completeness.PARTS_BUFFERED:
+            self.tear()
+
     def lose(
         self, loss: Loss, first: int, words: bytes, *, arrived_ns: int, follows_ns: int, now_ns: int
     ) -> None:

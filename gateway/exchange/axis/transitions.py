@@ -1031,6 +1031,11 @@ class Axis(AxisState):
             )
             self.block_triggers(code, why)
 
+    def forget_parts(self) -> None:
+        """Let no part of a position be completed that came on a connection which broke off."""
+        for image in (*self.fields, *self.limit_fields):
+            image.forget_parts()
+
     def lose_everything(self, code: int) -> None:
         """More requests of a writer were lost than are remembered: all of its targets and modes are."""
         for image in self.fields:

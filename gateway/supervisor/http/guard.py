@@ -16,6 +16,9 @@ from gateway.supervisor.http.limits import BODY_BYTES, HEAD_BYTES, TARGET_BYTES
 from gateway.supervisor.http.refusals import Refused, tell_nobody
 
 READS: Final = frozenset(("GET", "HEAD"))
+HOSTLESS: Final = frozenset(("/healthz", "/metrics"))
+"""What programs that speak HTTP/1.0 ask for without saying whom they mean: load balancers, simple monitors.
+No browser leaves ``Host`` out, so no page from elsewhere can; HTTP/1.1 has to have it (RFC 9112, 3.2)."""
 VERSIONS: Final = frozenset(("1.0", "1.1"))
 NOT_THERE: Final = 404
 _NEVER: Final = frozenset((400, 405, 411, 413, 414, 415, 421, 431, 505))
@@ -98,13 +101,15 @@ class Guard:
             allowed = ", ".join(sorted(self._rules.methods))
             what = f"{shortened(scope['method'])} is not done here, only {allowed}"
             return problem(405, what, {**_CLOSE, "Allow": allowed}, there_is=list(self._rules.there_is))
-        return _body_refusal(headers) or self._host_refusal(headers)
+        return _body_refusal(headers) or self._host_refusal(scope)
 
-    def _host_refusal(self, headers: list[tuple[bytes, bytes]]) -> Response | None:
+    def _host_refusal(self, scope: Scope) -> Response | None:
         listen_host = self._rules.loopback_host
         if listen_host is None:
             return None
-        named = [value.decode("latin-1") for name, value in headers if name == b"host"]
+        named = [value.decode("latin-1") for name, value in scope["headers"] if name == b"host"]
+        if not named and scope["path"] in HOSTLESS and scope["method"] in READS:
+            return None
         if len(named) == 1 and is_this_machine(host_of(named[0]), listen_host):
             return None
         what = (

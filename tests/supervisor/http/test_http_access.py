@@ -79,6 +79,20 @@ async def test_strangers_see_the_page_that_asks_and_whether_all_is_well(tmp_path
         assert "problems" in (await visitor.ask("/healthz", bearer(TOKEN))).data
 
 
+async def test_whoever_names_nobody_shows_a_token_all_the_same(tmp_path: Path) -> None:
+    async with asking(tmp_path) as visitor:
+        for head, status in (
+            ("GET /healthz HTTP/1.0", b"200"),
+            ("GET /metrics HTTP/1.0", b"401"),
+            (f"GET /metrics HTTP/1.0\r\n{bearer(WRONG)}", b"401"),
+            (f"GET /metrics HTTP/1.0\r\n{bearer(TOKEN)}", b"200"),
+            (f"GET /status HTTP/1.0\r\n{bearer(TOKEN)}", b"421"),
+        ):
+            line = await visitor.served.connect()
+            await line.say(f"{head}\r\n\r\n")
+            assert (await line.rest()).split(b" ", 2)[1] == status
+
+
 async def test_the_unix_socket_asks_nobody(tmp_path: Path) -> None:
     async with asking(tmp_path) as visitor:
         for target in ("/status", "/metrics", "/session"):

@@ -163,6 +163,37 @@ async def test_a_name_that_somebody_bent_to_this_machine_is_refused(
         assert (await served.ask("/status", host=host, is_local=True)).status == 200
 
 
+@pytest.mark.parametrize(
+    ("head", "status"),
+    [
+        ("GET /healthz HTTP/1.0", 200),
+        ("GET /metrics HTTP/1.0", 200),
+        ("HEAD /healthz HTTP/1.0", 200),
+        ("GET /healthz?verbose HTTP/1.0", 200),
+        ("GET /healthz HTTP/1.0\r\nHost: localhost", 200),
+        ("GET /healthz HTTP/1.0\r\nHost: evil.example", 421),
+        ("GET /metrics HTTP/1.0\r\nHost: evil.example", 421),
+        ("GET /healthz HTTP/1.0\r\nHost:", 421),
+        ("GET /healthz HTTP/1.1", 400),
+        ("POST /healthz HTTP/1.0", 405),
+        ("GET /status HTTP/1.0", 421),
+        ("GET /events HTTP/1.0", 421),
+        ("GET / HTTP/1.0", 421),
+        ("GET /healthz/ HTTP/1.0", 421),
+        ("GET //healthz HTTP/1.0", 421),
+        ("GET http://evil.example/healthz HTTP/1.0", 421),
+    ],
+)
+async def test_programs_that_name_nobody_may_ask_whether_all_is_well(
+    tmp_path: Path, head: str, status: int
+) -> None:
+    async with serving(tmp_path) as served:
+        served.feeds.publish(model())
+        line = await served.connect()
+        await line.say(f"{head}\r\n\r\n")
+        assert (await line.rest()).split(b" ", 2)[1] == str(status).encode()
+
+
 async def test_a_request_that_never_becomes_whole_is_dropped(tmp_path: Path) -> None:
     limits = Limits(whole_request_s=0.2, sweep_s=0.01)
     async with serving(tmp_path, tcp=limits) as served:

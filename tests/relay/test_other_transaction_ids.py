@@ -1,0 +1,157 @@
+"""A Modbus/TCP drive that answers with another transaction id than it was asked with (W6): refused, named."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from gateway.exchange.events import Event
+from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import ControllerPlan, LineTiming
+from gateway.exchange.ports import ControllerPort
+from gateway.modbus.mbap import encode_mbap
+from gateway.relay.drive_link import MbapDriveLink, OtherIds, UnitIds
+from gateway.relay.timed import TimedExchange
+from gateway.transport import memory
+
+if TYPE_CHECKING:
+    from tests.relay.conftest import Bench, RawEnd, Tools
+
+READ = bytes.fromhex("03 0010 0001")
+REPLY = bytes.fromhex("03 02 2222")
+NO_RESPONSE = bytes.fromhex("83 0B")
+MS = 1_000_000
+ONE_DRIVE = UnitIds()
+
+
+class Controller(ControllerPort):
+    """Keeps what it is answered."""
+
+    def __init__(self) -> None:
+        super().__init__(ControllerPlan("cnc", timeout_ms=100.0))
+        self.replies: list[bytes] = []
+
+    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        self.replies.append(pdu)
+
+
+class Drives:
+    """A Modbus/TCP line whose drive is in the hands of the test."""
+
+    def __init__(self, far: "RawEnd", unit_ids: UnitIds = ONE_DRIVE) -> None:
+        self.told: list[tuple[int, str]] = []
+        self.events: list[Event] = []
+        self.link = MbapDriveLink(
+            0, unit_ids, on_other_id=lambda unit_id, said: self.told.append((unit_id, str(said)))
+        )
+        timing = LineTiming(response_timeout_ms=100.0)
+        self.line = LineExchange((), timing, self.link, self.events.append)
+        self.link.attach(TimedExchange(self.line))
+        self.far = far
+        self.controller = Controller()
+        memory.connect(self.link, far)
+        self.now_ns = 1000 * MS
+
+    def ask(self, *answers: tuple[int, int]) -> None:
+        """Have one request answered with these transaction and unit ids, and its time-out pass."""
+        self.now_ns += 5000 * MS
+        self.line.request(self.controller, 9, 1, READ, self.now_ns)
+        for transaction_id, unit_id in answers:
+            self.link.received(encode_mbap(transaction_id, unit_id, REPLY), self.now_ns + MS)
+        self.line.tick(self.now_ns + 101 * MS)
+
+    async def asked_ids(self) -> list[int]:
+        """Return the transaction ids of the three requests that the drive got."""
+        await self.far.until(lambda far: len(far.data) >= 3 * 12)
+        data = self.far.data
+        return [int.from_bytes(data[start : start + 2], "big") for start in range(0, len(data), 12)]
+
+
+async def test_w6_id_0_is_never_asked_with_so_it_answers_nothing(tools: "Tools") -> None:
+    drives = Drives(tools.raw_end())
+    drives.link._last_id = 0xFFFE  # 65 534 requests later
+    for asked in (0xFFFF, 1, 2):
+        drives.ask((asked, 1))
+    assert drives.controller.replies == [REPLY] * 3
+    assert await drives.asked_ids() == [0xFFFF, 1, 2]
+
+
+async def test_w6_unanswered_ids_are_passed_over_also_where_they_go_round(tools: "Tools") -> None:
+    drives = Drives(tools.raw_end())
+    drives.ask()  # id 1, never answered
+    drives.link._last_id = 0xFFFE
+    drives.ask((0xFFFF, 1))
+    drives.ask((2, 1))
+    assert await drives.asked_ids() == [1, 0xFFFF, 2]
+    assert drives.controller.replies == [NO_RESPONSE, REPLY, REPLY]
+
+
+async def test_w6_a_drive_that_answers_with_id_0_is_refused_and_named(tools: "Tools") -> None:
+    drives = Drives(tools.raw_end())
+    for _ in range(3):
+        drives.ask((0, 1))
+    assert drives.controller.replies == [NO_RESPONSE] * 3
+    assert drives.told == [(1, "answers, with transaction id 0 (asked with 1)")]
+    assert str(drives.link.other_ids[1]) == "answers, with transaction id 0 (asked with 3)"
+    assert (drives.link.other_ids[1].total, drives.link.other_ids[1].among(3)) == (3, 3)
+    assert drives.link.counters()["late_replies"] == 0  # no longer patience helps
+    said = [(event.kind.value, event.detail) for event in drives.events if "unit id" in event.detail]
+    assert said == [
+        ("drive-silent", "unit id 1 answers, with transaction id 0 (asked with 1)"),
+        ("drive-backed-off", "unit id 1 answers, with transaction id 0 (asked with 3)"),
+    ]
+
+
+async def test_a_fixed_id_is_named_after_the_request_that_had_it(tools: "Tools") -> None:
+    drives = Drives(tools.raw_end())
+    drives.ask((1, 1))  # the right one, by chance
+    drives.ask((1, 1))  # may be the reply before, once more
+    assert drives.told == []
+    drives.ask((1, 1))
+    assert drives.controller.replies == [REPLY, NO_RESPONSE, NO_RESPONSE]
+    assert drives.told == [(1, "answers, with transaction id 1 (asked with 3)")]
+
+
+async def test_late_replies_and_those_that_come_twice_are_none_of_this(tools: "Tools") -> None:
+    drives = Drives(tools.raw_end())
+    drives.ask((1, 1), (1, 1))
+    drives.ask((1, 1))  # what came twice comes once more, and no answer
+    drives.ask((2, 1))  # late: of the request that was given up
+    drives.ask()
+    assert drives.controller.replies == [REPLY, NO_RESPONSE, NO_RESPONSE, NO_RESPONSE]
+    assert (drives.told, drives.link.other_ids) == ([], {})
+
+
+async def test_what_was_answered_after_all_counts_for_nothing(tools: "Tools") -> None:
+    drives = Drives(tools.raw_end())
+    drives.ask((0, 1), (1, 1))
+    drives.ask()  # a time-out of its own
+    assert drives.controller.replies == [REPLY, NO_RESPONSE]
+    assert (drives.told, drives.link.other_ids) == ([], {})
+
+
+async def test_of_several_drives_another_one_is_not_meant(tools: "Tools") -> None:
+    drives = Drives(tools.raw_end(), UnitIds(are_many=True))
+    drives.ask((0, 2))
+    assert drives.told == []
+    drives.ask((0, 1))
+    assert drives.told == [(1, "answers, with transaction id 0 (asked with 2)")]
+
+
+async def test_status_and_event_say_it(bench: "Bench", tools: "Tools") -> None:
+    def script(data: bytes) -> bytes:
+        return b"\0\0" + encode_mbap(0, data[6], REPLY)[2:]
+
+    _, where = await bench.drive("tcp", script)
+    link, _ = bench.controller_link("tcp", timeout_ms=20.0)
+    relay = await bench.relay(where, (link,), timing=replace(tools.timing, response_timeout_ms=20.0))
+    await tools.until_up(relay)
+    near = await bench.connect(relay.address("line", "cnc"))
+    near.write(encode_mbap(4, 1, READ))
+    await near.receives(encode_mbap(4, 1, NO_RESPONSE))
+    unit_ids: Any = tools.line_status(relay)["unit_ids"]
+    drive = unit_ids["drives"]["1"]
+    assert drive["answered_s"] is None
+    assert drive["other_ids_in_a_row"] == drive["timeouts_in_a_row"] >= 1
+    assert drive["answers_with"].startswith("answers, with transaction id 0 (asked with ")
+    [note] = [note for note in bench.notes if note.event == "other-transaction-id"]
+    said = str(OtherIds(asked_id=1))
+    assert note.fields["detail"] == f"unit id 1 {said}: its replies answer nothing"
