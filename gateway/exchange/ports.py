@@ -53,6 +53,8 @@ class ControllerPort:
         """See :func:`writer_name`."""
         self.stamps = Stamps()
         """When its newest frame left."""
+        self.ends_by_silence = False
+        """Whether its frames may be odd: it is a serial port, on which silence says where they end."""
         self.gate: Gate | None = UNSEEN
         """What it may ask for; None: whatever its role allows. The exchange's own."""
 
