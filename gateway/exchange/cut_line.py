@@ -387,8 +387,6 @@ class ReplyCutter:
         transaction = self._transaction
         if transaction is None or transaction.phase is not Phase.SENT or transaction.is_orphan:
             return
-        if transaction.unit_id in self._cuts.stored_units:
-            return
         cutter = self._cuts.of(transaction.port)
         if cutter is None or reply_shape_of(transaction) is None:
             return
