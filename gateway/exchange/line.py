@@ -660,8 +660,12 @@ class LineExchange(CuttingLine):
         if dead is None:
             return False
         due_ns = dead.due_for(is_odd=transaction.is_odd)
-        waits = transaction.is_odd and due_ns <= transaction.leave_by_ns
-        return now_ns < due_ns and not waits
+        if now_ns >= due_ns:
+            return False
+        # One that came over a serial port waits, for nothing of its controller waits behind it.
+        port = transaction.port
+        waits = transaction.is_odd and port is not None and port.ends_by_silence
+        return not waits or due_ns > transaction.leave_by_ns
 
     def _is_behind(self, port: ControllerPort) -> bool:
         """Whether a controller is owed another answer first."""

@@ -253,6 +253,11 @@ class RtuReplyDecoder(RtuDecoder):
 
     def _settle(self, *, has_given_up: bool) -> list[Frame]:
         """Take what is a reply now that the line is silent, wherever it begins."""
+        data = self._buffer
+        is_whole = MIN_ADU <= len(data) <= MAX_ADU
+        if is_whole and data[0] != self._unit_id and data[0] in self._odd_units and is_intact(data):
+            self._skip_foreign(0, len(data))
+            return []
         for start in range(len(self._buffer) - MIN_ADU + 1):
             if not self._is_ours(self._buffer, start):
                 continue

@@ -87,3 +87,18 @@ def test_noise_in_front_of_an_ordinary_reply_costs_it_nothing() -> None:
 def test_of_a_drive_with_an_axis_the_reply_inside_is_what_counts() -> None:
     decoder = make(bytes.fromhex("03 02 00 00 02"), odd_units=frozenset({6}))
     assert replies(decoder, b"\x05\x03\x07\x05\x03" + AXIS) == [(5, AXIS[1:-2])]
+
+
+def test_w6_an_odd_frame_of_another_device_is_late_and_no_damage() -> None:
+    decoder = make(bytes.fromhex("03 02 00 00 02"), unit_id=1)
+    assert decoder.feed(SPEED, 0) == []
+    assert decoder.on_silence(2 * MS) == []
+    assert (decoder.counters.foreign, decoder.late_unit_id, decoder.counters.damaged) == (1, 5, 0)
+    reply = append_crc(bytes.fromhex("01 03 04 00 B1 1F 40"))
+    assert decoder.feed(reply, 5 * MS) == [(1, reply[1:-2])]
+
+
+def test_behind_an_odd_frame_of_another_device_the_reply_counts_all_the_same() -> None:
+    decoder = make(bytes.fromhex("03 02 00 00 02"), unit_id=1)
+    reply = append_crc(bytes.fromhex("01 03 04 00 B1 1F 40"))
+    assert decoder.feed(SPEED + reply, 0) == [(1, reply[1:-2])]
