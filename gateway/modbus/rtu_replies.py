@@ -266,13 +266,18 @@ class RtuReplyDecoder(RtuDecoder):
                 return [self._take(start, length)]
             if length > 0:
                 continue
-            if has_given_up or (length != NEEDS_MORE and self._fits(self._buffer, start)):
-                rest = self._buffer[start:]
-                if len(rest) <= MAX_ADU and self._may_end_oddly(rest[1]) and is_intact(rest):
-                    return [self._take(start, len(rest))]
+            rest = self._buffer[start:]
+            is_over = length != NEEDS_MORE or (self._may_be_odd and self._is_echo(rest))
+            is_over = has_given_up or (is_over and self._fits(self._buffer, start))
+            if is_over and len(rest) <= MAX_ADU and self._may_end_oddly(rest[1]) and is_intact(rest):
+                return [self._take(start, len(rest))]
             if self._may_be_odd and not has_given_up:
                 break  # it may go on after a pause: nothing is looked for inside
         return []
+
+    def _is_echo(self, frame: bytes) -> bool:
+        """Whether a drive repeats the request byte for byte: then nothing of its reply is still to come."""
+        return frame == append_crc(bytes((self._unit_id,)) + self._request)
 
     def _may_end_oddly(self, function: int) -> bool:
         """Whether a reply with this function byte may have another length than that says."""

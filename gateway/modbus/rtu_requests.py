@@ -19,6 +19,7 @@ from gateway.modbus.lengths import (
     MIN_ADU,
     NEEDS_MORE,
     NO_FRAME,
+    UNTIL_SILENCE,
     request_length,
 )
 from gateway.modbus.rtu_line import FAST_SILENCE_NS, Frame, RtuDecoder
@@ -166,13 +167,13 @@ class RtuRequestDecoder(RtuDecoder):
     def _odd_length(self, start: int, *, has_given_up: bool) -> int:
         """Return the length of the odd frame at ``start`` now that the line is silent, or a constant.
 
-        NEEDS_MORE: it is shorter than its own bytes say, and perhaps an adapter only makes a pause. All that
-        waits is one frame before any part of it is: zeros behind a check sum, too, may belong to it.
+        NEEDS_MORE: perhaps an adapter only makes a pause. One frame in 256 ends with a 0, and then the bytes
+        before that have a good check sum too. All that waits is one frame before any part of it is: zeros
+        behind a check sum may belong to it.
         """
         end = len(self._buffer)
         if self._is_intact(start, end):
-            is_short = _intact_length(self._buffer, start) == NEEDS_MORE
-            return NEEDS_MORE if is_short and not has_given_up else end - start
+            return end - start if self._is_over(start, has_given_up=has_given_up) else NEEDS_MORE
         residue = residue_after(self._buffer[start : start + MIN_ADU - 1], SEAM)
         for at in range(start + MIN_ADU, min(start + MAX_ADU, end - MIN_ADU) + 1):
             residue = residue_after(self._buffer[at - 1 : at], residue)
@@ -180,16 +181,31 @@ class RtuRequestDecoder(RtuDecoder):
                 return at - start
         return NO_FRAME
 
+    def _is_over(self, start: int, *, has_given_up: bool) -> bool:
+        """Whether an odd frame that is good so far is not waited for any longer.
+
+        Where its function code says nothing of its length it ends with the silence, as it does of any unit.
+        """
+        return has_given_up or _intact_length(self._buffer, start) == UNTIL_SILENCE
+
     def _are_whole(self, start: int, *, has_given_up: bool) -> bool:
-        """Whether whole requests stand from ``start`` to the end of what waits; the last may be odd."""
+        """Whether whole requests stand from ``start`` to the end of what waits; silence may end the last."""
         while start < len(self._buffer):
             length = _intact_length(self._buffer, start)
             if length <= 0:
-                is_last = self._may_be_odd(start) and self._is_intact(start, len(self._buffer))
-                is_over = is_last and (has_given_up or length != NEEDS_MORE)
+                may_end = length == UNTIL_SILENCE or self._may_be_odd(start)
+                is_last = may_end and self._is_intact(start, len(self._buffer))
+                is_over = is_last and self._is_over(start, has_given_up=has_given_up)
                 return is_over or not any(self._buffer[start:])
             start += length
         return True
+
+    def _whole_from(self, start: int, last: int) -> int:
+        """Return the first offset, ``last`` at most, from where whole requests reach to the end, or -1."""
+        for at in range(start, min(last, len(self._buffer) - MIN_ADU) + 1):
+            if _intact_length(self._buffer, at) > 0 and self._are_whole(at, has_given_up=True):
+                return at
+        return -1
 
     def _take(self, length: int) -> Frame:
         frame = self._buffer[0], self._buffer[1 : length - 2]
@@ -220,24 +236,49 @@ class RtuRequestDecoder(RtuDecoder):
 
         All that waits, or all that came since the last silence; else the first good request behind damage.
         """
-        for start in (0, self._after_silence):
-            if self._odd_units and self._may_be_odd(start):
-                length = self._odd_length(start, has_given_up=has_given_up)
-                if length > 0:
-                    return start, length
-                if length == NEEDS_MORE:
-                    return None
-                continue
-            frame = self._buffer[start:]
-            if not MIN_ADU <= len(frame) <= MAX_ADU or frame[1] == 0 or not is_intact(frame):
-                continue
-            # Shorter than its own bytes say: perhaps an adapter only makes a pause.
-            if has_given_up or _intact_length(frame, 0) != NEEDS_MORE:
-                return start, len(frame)
         fresh = self._after_silence
-        if not has_given_up and self._awaits_end():
-            length = _intact_length(self._buffer, fresh) if fresh else NO_FRAME
+        length = self._length_to_silence(0, has_given_up=has_given_up)
+        if length != NO_FRAME:
+            return (0, length) if length > 0 else None
+        length = self._length_to_silence(fresh, has_given_up=has_given_up)
+        if self._awaits_end():
+            return self._behind_damage(fresh, length, has_given_up=has_given_up)
+        if length != NO_FRAME:
             return (fresh, length) if length > 0 else None
-        last = len(self._buffer) if has_given_up or not self._odd_units else self._last_to_search()
+        last = self._last_to_search()
         start = _find(self._buffer, 1, last)
+        if start < 0 and has_given_up:
+            start = self._whole_from(last + 1, len(self._buffer))
         return None if start < 0 else (start, _intact_length(self._buffer, start))
+
+    def _length_to_silence(self, start: int, *, has_given_up: bool) -> int:
+        """Return the length of what begins at ``start`` and ends with the silence, or a constant.
+
+        NEEDS_MORE: perhaps it goes on; NO_FRAME: all of it is no frame.
+        """
+        if self._odd_units and self._may_be_odd(start):
+            return self._odd_length(start, has_given_up=has_given_up)
+        frame = self._buffer[start:]
+        if not MIN_ADU <= len(frame) <= MAX_ADU or frame[1] == 0 or not is_intact(frame):
+            return NO_FRAME
+        # Shorter than its own bytes say: perhaps an adapter only makes a pause.
+        is_over = has_given_up or _intact_length(frame, 0) != NEEDS_MORE
+        return len(frame) if is_over else NO_FRAME
+
+    def _behind_damage(self, fresh: int, length: int, *, has_given_up: bool) -> tuple[int, int] | None:
+        """Return what :meth:`_ended_by_silence` does, where an odd frame began and came to no good end.
+
+        ``length`` is that of a frame that came after the last silence, or a constant. Where there is one,
+        what waited before it is over. Of that only requests count that are whole to the end, as no part of a
+        frame is: a stop is not lost behind damage, and what stands inside a damaged frame is not run.
+        """
+        is_behind = length != NO_FRAME
+        if fresh and not is_behind:
+            length = _intact_length(self._buffer, fresh)
+            is_behind = length > 0
+        if not is_behind and not has_given_up:
+            return None
+        start = self._whole_from(1, fresh if is_behind else len(self._buffer))
+        if start > 0:
+            return start, _intact_length(self._buffer, start)
+        return (fresh, length) if is_behind and length > 0 else None

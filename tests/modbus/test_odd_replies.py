@@ -47,6 +47,15 @@ def test_an_odd_reply_comes_out_whole_however_it_comes(wire: bytes) -> None:
         assert replies(make(request), wire[:cut], wire[cut:], pause_ns=16 * MS) == whole
 
 
+def test_one_that_is_short_waits_for_what_an_adapter_may_hold_back_unless_it_repeats_the_request() -> None:
+    for request, ends_ms in (("05 02 13 88", 2), ("05 02 13 89", 30)):
+        decoder = make(bytes.fromhex(request))
+        assert decoder.feed(SPEED, 0) == []
+        assert decoder.on_silence(ends_ms * MS - 1) == []
+        assert decoder.on_silence(2 * MS) == [(5, SPEED[1:-2])] * (ends_ms == 2)
+        assert decoder.on_silence(30 * MS) == [(5, SPEED[1:-2])] * (ends_ms == 30)
+
+
 @pytest.mark.parametrize(
     "body",
     [
