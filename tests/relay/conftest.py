@@ -143,8 +143,17 @@ class Bench:
         status_unit: int = 0,
         *,
         other_units: OtherUnits = NO_OTHER_UNITS,
+        tape_bytes: int = 0,
     ) -> Relay:
-        line = LinePlan("line", drives, controllers, axes, timing or TIMING, other_units=other_units)
+        line = LinePlan(
+            "line",
+            drives,
+            controllers,
+            axes,
+            timing or TIMING,
+            other_units=other_units,
+            tape_bytes=tape_bytes,
+        )
         relay = Relay(GatewayPlan("bench", (line,), status_unit=status_unit), self.notes.append)
         await relay.start()
         self.stack.push_async_callback(relay.stop)

@@ -37,6 +37,7 @@ async def wires_of(
     *,
     role: Role = Role.MOTION,
     answers: bool = True,
+    tape_bytes: int = 0,
 ) -> Wires:
     """The drive answers a read, and repeats all else."""
 
@@ -45,16 +46,17 @@ async def wires_of(
 
     drive, where = await bench.drive("rtu", answer)
     link, device = bench.controller_link("rtu", role=role)
-    relay = await bench.relay(where, (link,), (tools.axis(),), other_units=other_units)
+    relay = await bench.relay(where, (link,), (tools.axis(),), other_units=other_units, tape_bytes=tape_bytes)
     await tools.until_up(relay)
     return Wires(await bench.plug(device), drive, relay)
 
 
+@pytest.mark.parametrize("tape_bytes", [0, 1 << 20])
 @pytest.mark.parametrize("frame", [START, SPEED, LONG], ids=lambda frame: frame.hex())
 async def test_an_odd_frame_gets_through_and_so_does_its_answer(
-    bench: "Bench", tools: "Tools", frame: bytes
+    bench: "Bench", tools: "Tools", frame: bytes, tape_bytes: int
 ) -> None:
-    wires = await wires_of(bench, tools)
+    wires = await wires_of(bench, tools, tape_bytes=tape_bytes)
     for _ in range(3):
         wires.controller.write(frame)
         await wires.controller.receives(frame)
