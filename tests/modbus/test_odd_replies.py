@@ -79,10 +79,12 @@ def test_when_nothing_is_expected_any_more_it_answers_nothing() -> None:
     assert (decoder.counters.stray_frames, decoder.late_unit_id) == (1, 5)
 
 
+@pytest.mark.parametrize("count", [0x63, 2])
 @pytest.mark.parametrize("cut", range(2, 14))
-def test_nothing_is_looked_for_inside_it(cut: int) -> None:
+def test_nothing_is_looked_for_inside_it(cut: int, count: int) -> None:
+    """Whether the length that it says has not come, or has a bad check sum."""
     inside = append_crc(b"\x05\x03\x02\x00\x01")  # what a read of one register would be answered
-    wire = append_crc(b"\x05\x03\x63" + inside + b"\x07")
+    wire = append_crc(bytes((5, 3, count)) + inside + b"\x07")
     assert replies(make(b"\x03\x01\x01"), wire) == [(5, wire[1:-2])]
     assert replies(make(b"\x03\x01\x01"), wire[:cut], wire[cut:], pause_ns=16 * MS) == [(5, wire[1:-2])]
 
