@@ -66,7 +66,8 @@ REFUSALS: Final = (
         0x03,
         "a request that is shorter than its function code asks for",
         "a request lacks bytes that its function code always has",
-        "correct the controller's program: the frame is malformed",
+        "correct the controller's program: the frame is malformed; where a device on a serial line takes "
+        "such frames, as some inverters do, name its unit id in `other_units`",
     ),
     RefusalEntry(
         0x04,

@@ -25,6 +25,7 @@ from gateway.exchange.plan import (
     default_late,
 )
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, TlsPlan
+from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
 
 def build_plan(
@@ -83,9 +84,14 @@ def line_plan(
 
 
 def _other_units(line: LineSection, axis_ids: set[int]) -> OtherUnits:
-    """Return what is known of unit ids without an axis; stops matter where one stands alone on Modbus/TCP."""
+    """Return what is known of unit ids without an axis; stops matter where one stands alone on Modbus/TCP.
+
+    Where a frame ends that has another length than its function code says only a serial port can tell.
+    """
     is_alone = line.drives.tcp is not None and len(axis_ids) == 1
-    return OtherUnits(frozenset(line.other_units), known_stops() if is_alone else frozenset())
+    unit_ids = frozenset(line.other_units)
+    odd = unit_ids - {BROADCAST_UNIT_ID} if line.drives.rtu is not None else frozenset()
+    return OtherUnits(unit_ids, odd, known_stops() if is_alone else frozenset())
 
 
 @cache

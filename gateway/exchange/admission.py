@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Final
 
-from gateway.exchange.access import only_reads
 from gateway.exchange.axis.events import Outcome
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.dispatch import Units
@@ -32,7 +31,7 @@ def judge(units: Units, transaction: Transaction, *, is_free: bool) -> tuple[boo
     """
     assert transaction.port is not None
     role = transaction.port.plan.role
-    if only_reads(transaction.pdu):
+    if transaction.only_reads:
         return True, []
     stops: list[Meaning] = []
     if units.have_rules and not (is_free and role is Role.MOTION):
@@ -72,7 +71,7 @@ class Admission:
             gate = port.gate = self._gate_of(port.plan)
         if gate is None:
             return None
-        denial = gate.denial(transaction.unit_id, transaction.pdu)
+        denial = gate.denial(transaction.unit_id, transaction.pdu, is_odd=transaction.is_odd)
         if denial is None and gate.is_too_often(now_ns):
             units = self._units
             is_stop = units.have_rules and units.stops_of(units.frames_of(transaction))
@@ -84,9 +83,11 @@ class Admission:
         port = transaction.port
         assert port is not None
         gate = port.gate
-        denial = None if gate is None else gate.denial(transaction.unit_id, transaction.pdu)
+        denial = None
+        if gate is not None:
+            denial = gate.denial(transaction.unit_id, transaction.pdu, is_odd=transaction.is_odd)
         if denial is None:
-            denial = NO_ROOM if port.is_motion or only_reads(transaction.pdu) else role_denial(port.plan.role)
+            denial = NO_ROOM if port.is_motion or transaction.only_reads else role_denial(port.plan.role)
         return denial
 
     def gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool) -> None:

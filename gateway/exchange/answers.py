@@ -105,6 +105,10 @@ class Silence:
     """While it is dead: it is tried again from then on."""
     retry_ns: int = 0
     """So long after the trial before."""
+    first_retry_ns: int = 0
+    """So long after the first one, however long it is dead by now."""
+    odd_due_ns: int = 0
+    """While it is dead: an odd frame goes there from then on."""
     stops: dict[bytes, int] = field(default_factory=dict)
     """Stops that it did not answer, each with when the same may be sent again."""
     turns: set[int] = field(default_factory=set)
@@ -121,7 +125,9 @@ class Silence:
             self.quiet_ns = now_ns + drain_ns
             self.quiet_at_last_ns = now_ns + LONGEST_DRAIN * drain_ns
         self.retry_ns = min(2 * self.retry_ns, LONGEST_RETRY_NS) if was_dead else first_retry_ns
+        self.first_retry_ns = first_retry_ns
         self.due_ns = max(now_ns + self.retry_ns, self.quiet_ns)
+        self.odd_due_ns = max(now_ns + first_retry_ns, self.quiet_ns)
 
     def hear(self) -> Reach:
         """A whole frame of it came; return how far away it was before."""
@@ -135,6 +141,7 @@ class Silence:
         """What came of it answers nothing any more: the silence that it owes begins anew."""
         self.quiet_ns = min(now_ns + drain_ns, self.quiet_at_last_ns)
         self.due_ns = max(self.due_ns, self.quiet_ns)
+        self.odd_due_ns = max(self.odd_due_ns, self.quiet_ns)
 
     def link_up(self) -> None:
         """The link came up: it is asked again, and owes nothing."""
@@ -152,6 +159,14 @@ class Silence:
     def try_again(self, now_ns: int) -> None:
         """It is tried now: until it has answered nothing else goes there."""
         self.due_ns = now_ns + self.retry_ns
+        self.odd_due_ns = now_ns + self.first_retry_ns
+
+    def due_for(self, *, is_odd: bool) -> int:
+        """Return from when on it is tried with a request.
+
+        Nobody knows what an odd frame does: it may stop a spindle, and waits no longer than the first trial.
+        """
+        return self.odd_due_ns if is_odd else self.due_ns
 
     def miss_stop(self, pdu: bytes, until_ns: int, turns: set[int]) -> None:
         """It did not answer a stop, which may be sent again then, after those who wait for a turn."""

@@ -23,6 +23,7 @@ from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import FastPath, Phase, Transaction
 from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
 from gateway.modbus.rtu_line import pause_ns
+from gateway.modbus.rtu_requests import NO_UNITS
 from gateway.times import NS_PER_MS
 
 SPOILT_SILENCES: Final = 3
@@ -98,6 +99,8 @@ class CutLine:
         self.link = link
         self.units = units
         self.wire = wire
+        self.stored_units = NO_UNITS
+        """Of devices that are no axes: only silence may say where a frame of theirs ends."""
         self.silence_ns = max(gap_ns, SPOILT_SILENCES * wire.silence_ns)
         """After a spoilt request."""
         self.requests = dict.fromkeys(Turn, 0)
@@ -166,7 +169,7 @@ class CutLine:
         asked, told = self.link.stamps, cutter.port.stamps
         cutter.own_ns = asked.sent_ns - asked.paced_ns - (transaction.started_ns or transaction.arrived_ns)
         self.reply.own_ns = told.sent_ns - told.paced_ns - now_ns
-        if reply[0] != pdu[0]:
+        if reply[0] != pdu[0] or transaction.unit_id in self.stored_units:
             return
         if pdu[0] == WRITE and reply != pdu[:5]:
             return

@@ -169,7 +169,9 @@ class Units:
             RefusedRequestError: it must not reach the drive.
         """
         frames = self.frames_of(transaction)
-        if is_cut_short(transaction.pdu) and not self.stops_of(frames):
+        port = transaction.port
+        may_be_short = transaction.is_odd and port is not None and port.ends_by_silence
+        if is_cut_short(transaction.pdu) and not may_be_short and not self.stops_of(frames):
             raise RefusedRequestError(
                 ExceptionCode.ILLEGAL_DATA_VALUE,
                 "",

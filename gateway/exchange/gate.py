@@ -67,15 +67,19 @@ class Gate:
         self._interval_ns = int(NS_PER_S / rights.requests_per_s) if rights.requests_per_s else 0
         self._due_ns = 0
 
-    def denial(self, unit_id: int, pdu: bytes) -> Denial | None:
-        """Return why a request is not allowed; None: it is."""
+    def denial(self, unit_id: int, pdu: bytes, *, is_odd: bool = False) -> Denial | None:
+        """Return why a request is not allowed; None: it is.
+
+        ``is_odd``: it has another length than its function code says, and counts as a write. Its unit id, its
+        head and its length say so, as they say the verdict.
+        """
         head = pdu[: HEAD_BYTES[pdu[0]]]
         verdicts = self._verdicts.get(unit_id)
         if verdicts is not None and head in verdicts:
             size, denial = verdicts[head]
             if size == len(pdu):
                 return denial
-        return self._look(unit_id, pdu, head)
+        return self._look(unit_id, pdu, head, is_odd=is_odd)
 
     def is_too_often(self, now_ns: int) -> bool:
         """Count a request; return whether it is one more than ``requests_per_s`` allows."""
@@ -93,8 +97,8 @@ class Gate:
         detail = f"more than {self._rights.requests_per_s:g} requests in a second"
         return Denial(ExceptionCode.SERVER_DEVICE_BUSY, "requests_per_s", detail)
 
-    def _look(self, unit_id: int, pdu: bytes, head: bytes) -> Denial | None:
-        denial = self._judge(unit_id, pdu)
+    def _look(self, unit_id: int, pdu: bytes, head: bytes, *, is_odd: bool) -> Denial | None:
+        denial = self._judge(unit_id, pdu, is_odd=is_odd)
         if head:
             if not self._verdicts_left:
                 self._verdicts.clear()
@@ -103,7 +107,7 @@ class Gate:
             self._verdicts.setdefault(unit_id, {})[head] = (len(pdu), denial)
         return denial
 
-    def _judge(self, unit_id: int, pdu: bytes) -> Denial | None:
+    def _judge(self, unit_id: int, pdu: bytes, *, is_odd: bool) -> Denial | None:
         rights, function = self._rights, pdu[0]
         if rights.function_codes and function not in rights.function_codes:
             return Denial(ExceptionCode.ILLEGAL_FUNCTION, "function_codes", f"function code {function}")
@@ -112,10 +116,10 @@ class Gate:
             if unit_id == BROADCAST_UNIT_ID and self._axis_unit_ids is not None:
                 detail = "a broadcast, which reaches every unit id"
             return Denial(ExceptionCode.GATEWAY_PATH_UNAVAILABLE, "unit_ids", detail)
-        if rights.is_read_only and not only_reads(pdu):
+        if rights.is_read_only and (is_odd or not only_reads(pdu)):
             return Denial(ExceptionCode.ILLEGAL_FUNCTION, "read_only", "a request that may write")
         if rights.readable or rights.writable:
-            return self._judge_addresses(pdu)
+            return self._judge_addresses(pdu, is_odd=is_odd)
         return None
 
     def _may_reach(self, unit_id: int) -> bool:
@@ -124,13 +128,14 @@ class Gate:
             return unit_id in allowed
         return unit_id in allowed and self._axis_unit_ids <= allowed
 
-    def _judge_addresses(self, pdu: bytes) -> Denial | None:
+    def _judge_addresses(self, pdu: bytes, *, is_odd: bool) -> Denial | None:
         rights, function = self._rights, pdu[0]
-        if function in _WITHOUT_ADDRESSES or pdu[:2] == READ_DEVICE_IDENTIFICATION:
+        if not is_odd and (function in _WITHOUT_ADDRESSES or pdu[:2] == READ_DEVICE_IDENTIFICATION):
             return None
         is_object = pdu[:2] == _OBJECT and function in rights.function_codes
         if function not in _ADDRESSED and not is_object:
-            if function in rights.function_codes or (function in MONITOR_FUNCTIONS and not rights.readable):
+            is_read = function in MONITOR_FUNCTIONS and not is_odd
+            if function in rights.function_codes or (is_read and not rights.readable):
                 return None
             detail = f"function code {function}, of which nobody can tell what it touches; name it there"
             return Denial(ExceptionCode.ILLEGAL_FUNCTION, "function_codes", detail)

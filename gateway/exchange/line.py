@@ -15,7 +15,6 @@ late reply never answers the next request (W6), a dead unit is answered for (W11
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
-from gateway.exchange.access import only_reads
 from gateway.exchange.added_frames import (
     AddedFrame,
     Purpose,
@@ -61,6 +60,7 @@ from gateway.exchange.transaction import (
     Transaction,
     outcome_of_reply,
 )
+from gateway.modbus.lengths import is_odd_request
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, EXCEPTION_BIT, MAX_PDU, ExceptionCode, is_exception
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -100,6 +100,7 @@ class LineExchange(CuttingLine):
             self.axes, is_serial=link.is_serial, remembered_paths=remembered_paths, other_units=other_units
         )
         self._link = link
+        self._odd_units = other_units.odd
         self._own_unit = own_unit
         self._own_unit_id = NO_UNIT_ID if own_unit is None else own_unit.unit_id
         self._on_event = on_event
@@ -128,6 +129,7 @@ class LineExchange(CuttingLine):
         if cut_through is not None:
             gap_ns = int(timing.gap_ms * NS_PER_MS)
             self.cuts = CutLine(self, link, self._units, cut_through, gap_ns)
+            self.cuts.stored_units = other_units.unit_ids
             self.cuts.tell_no_gain = lambda why: on_event(Event(EventKind.CUT_THROUGH_OFF, None, why))
 
     @property
@@ -212,6 +214,8 @@ class LineExchange(CuttingLine):
         arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
         transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
         transaction.follow(port)
+        if self._odd_units and unit_id in self._odd_units and is_odd_request(pdu):
+            transaction.become_odd()
         if port.gate is not None:
             denial = self._admission.denial(transaction, arrived_ns)
             if denial is not None:
@@ -333,7 +337,7 @@ class LineExchange(CuttingLine):
     def control(self, message: Control, now_ns: int) -> dict[str, str]:
         """Do what somebody outside asks for; see ``control.carry_out``. Raises ControlError."""
         current = self._current
-        if isinstance(message, EndDryRun) and current is not None and not only_reads(current.pdu):
+        if isinstance(message, EndDryRun) and current is not None and not current.only_reads:
             raise ControlError(f"axis {message.axis} stays in shadow: {ON_THE_WIRE}")
         changed = carry_out(self.axes, message, now_ns)
         if isinstance(message, SetLimits):
@@ -644,7 +648,11 @@ class LineExchange(CuttingLine):
             return now_ns
         if self._is_answered_for(transaction, now_ns):
             return now_ns
-        free_ns = self.answers.free_ns(unit_id, now_ns, is_read=only_reads(transaction.pdu))
+        if transaction.is_odd:
+            dead = self._dead(unit_id)
+            if dead is not None and dead.odd_due_ns > now_ns:
+                return dead.odd_due_ns
+        free_ns = self.answers.free_ns(unit_id, now_ns, is_read=transaction.only_reads)
         # Then it is withdrawn, and keeps back nothing that waits behind it.
         return min(free_ns, transaction.given_up_ns + 1)
 
@@ -668,7 +676,15 @@ class LineExchange(CuttingLine):
     def _is_answered_for(self, transaction: Transaction, now_ns: int) -> bool:
         """Whether a request is answered by the gateway because its drive, or one of its group, is dead."""
         dead = self._dead(transaction.unit_id)
-        return dead is not None and now_ns < dead.due_ns
+        if dead is None:
+            return False
+        due_ns = dead.due_for(is_odd=transaction.is_odd)
+        if now_ns >= due_ns:
+            return False
+        # One that came over a serial port waits, for nothing of its controller waits behind it.
+        port = transaction.port
+        waits = transaction.is_odd and port is not None and port.ends_by_silence
+        return not waits or due_ns > transaction.leave_by_ns
 
     def _is_behind(self, port: ControllerPort) -> bool:
         """Whether a controller is owed another answer first."""
@@ -694,7 +710,7 @@ class LineExchange(CuttingLine):
         unit_id = transaction.unit_id
         if not self.answers.owes_of(unit_id) or transaction.port is None or transaction.is_stop:
             return False
-        leave_by_ns, is_read = transaction.leave_by_ns, only_reads(transaction.pdu)
+        leave_by_ns, is_read = transaction.leave_by_ns, transaction.only_reads
         is_too_late = self.answers.is_too_late(unit_id, now_ns, leave_by_ns, is_read=is_read)
         return is_too_late and self._dead(unit_id) is None
 
@@ -732,7 +748,7 @@ class LineExchange(CuttingLine):
         Where it might move something a read goes first, if one is allowed: nobody knows what the drive was
         through. For a drive of which nothing may be read the request itself is the trial.
         """
-        if now_ns < dead.due_ns:
+        if now_ns < dead.due_for(is_odd=transaction.is_odd):
             self._answer_for_dead(transaction, now_ns)
             return True
         axes = self._units.axes_of(dead.unit_id)
@@ -861,7 +877,7 @@ class LineExchange(CuttingLine):
         port = transaction.port
         if port is not None and port.patience_ns > patience_ns and transaction.added is None:
             # A read that tries a dead drive (W11) keeps the others waiting no longer than a drive may take.
-            is_read = bool(self.answers.silences) and only_reads(pdu)
+            is_read = bool(self.answers.silences) and transaction.only_reads
             if is_read and self.answers.is_missed(unit_id) and now_ns > transaction.leave_by_ns:
                 patience_ns = max(patience_ns, transaction.given_up_ns - now_ns)  # the same, if it left late
             elif not (is_read and self.answers.dead((unit_id,)) is not None):

@@ -212,10 +212,13 @@ class StopWord:
 
 @dataclass(frozen=True, slots=True)
 class OtherUnits:
-    """What is known of the unit ids of a Modbus/TCP line that have no axis."""
+    """What is known of the unit ids of a line that have no axis."""
 
     unit_ids: frozenset[int] = frozenset()
     """Those of other devices: they pass as they are."""
+    odd: frozenset[int] = frozenset()
+    """Those of them that may take odd frames, of another length than their function code says: all that are
+    on a serial port, but never 0, which is no device."""
     stops: frozenset[StopWord] = frozenset()
     """What stops the drives that are known: it passes to any of them."""
 

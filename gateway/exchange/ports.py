@@ -55,6 +55,8 @@ class ControllerPort:
         """When its newest frame left."""
         self.newest_ns = 0
         """When its newest request came. The exchange's own."""
+        self.ends_by_silence = False
+        """Whether its frames may be odd: it is a serial port, on which silence says where they end."""
         self.gate: Gate | None = UNSEEN
         """What it may ask for; None: whatever its role allows. The exchange's own."""
 

@@ -196,6 +196,8 @@ class Transaction:
     comes is taken note of and then dropped."""
     is_denied = False
     """There was no room for it: it is refused when the answers before it have been given."""
+    is_odd = False
+    """It has another length than its function code says, and is for a device that may take it."""
     overtaken_by = ""
     """Why it must not be sent any more, although its controller waits for it."""
     stopping = _NO_STOP
@@ -234,6 +236,11 @@ class Transaction:
         return self.port is not None and self.port.is_motion
 
     @property
+    def only_reads(self) -> bool:
+        """Whether it changes nothing in any drive. An odd frame may, whatever its function code says."""
+        return not self.is_odd and only_reads(self.pdu)
+
+    @property
     def is_stop(self) -> bool:
         """Whether it stops an axis."""
         return self.stopping is not _NO_STOP
@@ -265,6 +272,10 @@ class Transaction:
         ``only_stops``: it does nothing else, and may leave twice.
         """
         self._stop_goes_on(Stopping.FIRST if only_stops else Stopping.ONCE)
+
+    def become_odd(self) -> None:
+        """Note that it is an odd frame: it counts as a write."""
+        self.is_odd = True
 
     def deny(self) -> None:
         """Note that it has no room, and is refused in its turn."""
@@ -469,7 +480,7 @@ class Endings:
         """
         transaction.end(outcome)
         if outcome is Outcome.NEVER_SENT:
-            if loss is not None and transaction.port is not None and not only_reads(transaction.pdu):
+            if loss is not None and transaction.port is not None and not transaction.only_reads:
                 self._lose(transaction, code, loss)
             if withdrawn:
                 self._note_withdrawn(transaction, withdrawn)

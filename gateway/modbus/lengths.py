@@ -163,6 +163,18 @@ def request_length(data: bytes, start: int = 0) -> int:
     return UNTIL_SILENCE if function else NO_FRAME
 
 
+def is_odd_request(pdu: bytes) -> bool:
+    """Whether a request has another length than its function code says: what it does nobody can tell.
+
+    A function code without a rule has no length to differ from.
+
+    >>> is_odd_request(bytes.fromhex("03 01 01")), is_odd_request(bytes.fromhex("03 01 01 00 02"))
+    (True, False)
+    """
+    length = request_length(b"\0" + pdu + b"\0\0")
+    return length not in (UNTIL_SILENCE, len(pdu) + ADU_OVERHEAD)
+
+
 def reply_length(request_pdu: bytes, data: bytes, start: int = 0) -> int:
     """Return the length of the reply that begins at byte ``start`` of ``data``, or a constant.
 

@@ -5,6 +5,9 @@ for an exception. Some drives refuse every read with the function byte 0x81: tha
 are mapped counts only where its map says so, for it may be late and refuse another request. It ends where
 its own bytes say, with the request as the context, and its check sum decides; never at the first length whose
 check sum happens to be good, which one reply in some two hundred has too early.
+
+Devices that take odd frames (see ``rtu_requests``) answer with such frames too. While one of them is expected
+to answer, nothing is looked for inside what begins like its reply before the line is silent.
 """
 
 from collections.abc import Mapping
@@ -17,12 +20,12 @@ from gateway.modbus.lengths import (
     MIN_ADU,
     NEEDS_MORE,
     NO_FRAME,
-    UNTIL_SILENCE,
     asked_bytes,
     reply_length,
 )
 from gateway.modbus.pdu import EXCEPTION_BIT, FunctionCode
 from gateway.modbus.rtu_line import FAST_SILENCE_NS, Frame, RtuDecoder
+from gateway.modbus.rtu_requests import NO_UNITS
 
 REFUSED_READ: Final = 0x81
 """With which some drives refuse every read."""
@@ -51,7 +54,8 @@ class RtuReplyDecoder(RtuDecoder):
 
     With ``echo`` the adapter hears what it sends: the request comes back first, and is taken out.
     ``refused_reads``: the function byte with which the drive of a unit id refuses reads, 0 for their own with
-    bit 7; of a unit id that is not there nobody knows it, and 0x81 counts.
+    bit 7; of a unit id that is not there nobody knows it, and 0x81 counts. ``odd_units``: unit ids of devices
+    that answer with odd frames.
 
     >>> decoder = RtuReplyDecoder()
     >>> decoder.expect(1, bytes.fromhex("03 02 00 00 02"))
@@ -67,6 +71,7 @@ class RtuReplyDecoder(RtuDecoder):
         "_heard",
         "_is_answered",
         "_lone_echo",
+        "_odd_units",
         "_refused_reads",
         "_request",
         "_stray",
@@ -82,8 +87,10 @@ class RtuReplyDecoder(RtuDecoder):
         *,
         echo: bool = False,
         refused_reads: Mapping[int, int] = NOBODY,
+        odd_units: frozenset[int] = NO_UNITS,
     ) -> None:
         super().__init__(silence_ns, give_up_ns)
+        self._odd_units = odd_units
         self._refused_reads = refused_reads
         self._has_echo = echo
         self._has_returned = False
@@ -282,26 +289,48 @@ class RtuReplyDecoder(RtuDecoder):
             elif length > 0:
                 self._skip_foreign(start, length)
                 start = 0
-            elif length != NO_FRAME and self._is_ours(self._buffer, start):
+            elif self._is_ours(self._buffer, start) and (length != NO_FRAME or self._may_be_odd):
                 break
             else:
                 start += 1
         return []
 
+    @property
+    def _may_be_odd(self) -> bool:
+        """Whether the reply that is expected may be an odd frame."""
+        return self._unit_id in self._odd_units
+
     def _settle(self, *, has_given_up: bool) -> list[Frame]:
         """Take what is a reply now that the line is silent, wherever it begins."""
+        data = self._buffer
+        is_whole = MIN_ADU <= len(data) <= MAX_ADU
+        if is_whole and data[0] != self._unit_id and data[0] in self._odd_units and is_intact(data):
+            self._skip_foreign(0, len(data))
+            return []
         for start in range(len(self._buffer) - MIN_ADU + 1):
             if not self._is_ours(self._buffer, start):
                 continue
-            if not has_given_up and not self._fits(self._buffer, start):
-                continue
             length = self._intact_length(start)
-            if length <= 0 and (has_given_up or length != NEEDS_MORE):
-                rest = self._buffer[start:]
-                length = len(rest) if len(rest) <= MAX_ADU and is_intact(rest) else UNTIL_SILENCE
-            if length > 0:
+            if length > 0 and (has_given_up or self._fits(self._buffer, start)):
                 return [self._take(start, length)]
+            if length > 0:
+                continue
+            rest = self._buffer[start:]
+            is_over = length != NEEDS_MORE or (self._may_be_odd and self._is_echo(rest))
+            is_over = has_given_up or (is_over and self._fits(self._buffer, start))
+            if is_over and len(rest) <= MAX_ADU and self._may_end_oddly(rest[1]) and is_intact(rest):
+                return [self._take(start, len(rest))]
+            if self._may_be_odd and not has_given_up:
+                break  # it may go on after a pause: nothing is looked for inside
         return []
+
+    def _is_echo(self, frame: bytes) -> bool:
+        """Whether a drive repeats the request byte for byte: then nothing of its reply is still to come."""
+        return frame == append_crc(bytes((self._unit_id,)) + self._request)
+
+    def _may_end_oddly(self, function: int) -> bool:
+        """Whether a reply with this function byte may have another length than that says."""
+        return not self._may_be_odd or (function | EXCEPTION_BIT) == (self._request[0] | EXCEPTION_BIT)
 
     def _intact_length(self, start: int) -> int:
         """Return the length of the good reply at ``start``, or a constant: NO_FRAME with a bad check sum."""

@@ -3,17 +3,30 @@
 A request ends where its own bytes say, and its check sum decides. Where the bytes say nothing (function codes
 without a rule, lengths that contradict the rule) it ends where the line falls silent. After damage the next
 good request is looked for at every later byte, so that one lost frame does not cost the next.
+
+Some devices take *odd frames*, of another length than their function code says: ``05 03 01 01 30 B8`` starts
+some inverters. For the unit ids of such devices, and no others, all bytes from one silence to the next are
+one frame where the length that is expected gives no good check sum and theirs is good. Nothing is looked for
+inside it: what another device would take for a request may stand there. Requests that came behind it without
+a silence are told from it by all their check sums, and have to be whole to the end: no stop is lost with it.
 """
 
-from gateway.modbus.crc import is_intact
+from typing import Final
+
+from gateway.modbus.crc import INTACT, SEAM, is_intact, residue_after
 from gateway.modbus.lengths import (
     MAX_ADU,
     MIN_ADU,
     NEEDS_MORE,
     NO_FRAME,
+    UNTIL_SILENCE,
     request_length,
 )
 from gateway.modbus.rtu_line import FAST_SILENCE_NS, Frame, RtuDecoder
+
+NO_UNITS: Final[frozenset[int]] = frozenset()
+MAX_BURST: Final = 2 * MAX_ADU
+"""So many bytes without a silence may wait where an odd frame begins: the longest, and requests behind it."""
 
 
 def _intact_length(data: bytes, start: int) -> int:
@@ -27,9 +40,9 @@ def _intact_length(data: bytes, start: int) -> int:
     return length if is_intact(data[start:end]) else NO_FRAME
 
 
-def _find(data: bytes, start: int) -> int:
-    """Return the offset of the first good request at or behind ``start``, or -1."""
-    for offset in range(start, len(data) - MIN_ADU + 1):
+def _find(data: bytes, start: int, last: int) -> int:
+    """Return the offset of the first good request from ``start`` to ``last``, or -1."""
+    for offset in range(start, min(last, len(data) - MIN_ADU) + 1):
         if _intact_length(data, offset) > 0:
             return offset
     return -1
@@ -43,15 +56,24 @@ class RtuRequestDecoder(RtuDecoder):
     [(1, b'\x061\x00\x00\x0f')]
     """
 
-    __slots__ = ("_after_silence", "_frame_end_ns", "_is_behind_frame")
+    __slots__ = ("_after_silence", "_frame_end_ns", "_is_behind_frame", "_is_torn", "_odd_units")
 
-    def __init__(self, silence_ns: int = FAST_SILENCE_NS, give_up_ns: int | None = None) -> None:
+    def __init__(
+        self,
+        silence_ns: int = FAST_SILENCE_NS,
+        give_up_ns: int | None = None,
+        odd_units: frozenset[int] = NO_UNITS,
+    ) -> None:
+        """``odd_units``: unit ids of devices that take odd frames (see the module)."""
         super().__init__(silence_ns, give_up_ns)
+        self._odd_units = odd_units
         self._after_silence = 0
         """Offset of the first waiting byte that came after the last silence."""
         self._frame_end_ns = -silence_ns
         self._is_behind_frame = False
         """Whether the waiting bytes follow a good frame without a silence."""
+        self._is_torn = False
+        """Whether the first waiting byte is any byte of a burst that was too long."""
 
     def one(self, data: bytes, now_ns: int) -> bytes:
         """Return the PDU of ``data`` where that is one good request and nothing else.
@@ -72,18 +94,24 @@ class RtuRequestDecoder(RtuDecoder):
         return self._append(data, now_ns) if data else []
 
     def _append(self, data: bytes, now_ns: int) -> list[Frame]:
+        frames: list[Frame] = []
+        was_silent = now_ns - self._last_byte_ns >= self._silence_ns
+        if self._buffer and was_silent and self._awaits_end():
+            frames = self._settle(has_given_up=False)  # whoever calls at silences may come late
         if not self._buffer:
             self._after_silence = 0
             self._is_behind_frame = now_ns - self._frame_end_ns < self._silence_ns
-        elif now_ns - self._last_byte_ns >= self._silence_ns:
+            self._is_torn = False
+        elif was_silent:
             self._after_silence = len(self._buffer)
         self._buffer += data
-        frames = self._take_frames()
+        frames += self._take_frames()
         if frames:
             self._frame_end_ns = now_ns
-        if len(self._buffer) > MAX_ADU:
+        if len(self._buffer) > MAX_ADU and not self._awaits_end():
             self.counters.oversized += 1
             self._drop(len(self._buffer) - MAX_ADU)
+            self._is_torn = True
         self._await_silence(now_ns)
         return frames
 
@@ -96,23 +124,95 @@ class RtuRequestDecoder(RtuDecoder):
                 next_good = self._next_good(is_hopeless=length == NO_FRAME)
                 if next_good < 0:
                     break
-                self._drop(next_good)
+                if self._awaits_end():
+                    frames.append(self._take(next_good))  # odd, from the silence before it to the one behind
+                else:
+                    self._drop(next_good)
             else:
                 frames.append(self._take(length))
         return frames
 
     def _next_good(self, *, is_hopeless: bool) -> int:
         """Where the next good request begins, if those waiting in front of it may be given up for it."""
-        if is_hopeless or len(self._buffer) > MAX_ADU:
-            return _find(self._buffer, 1)
         fresh = self._after_silence
-        return fresh if fresh and _intact_length(self._buffer, fresh) > 0 else -1
+        awaits_end = self._awaits_end()
+        if not awaits_end and (is_hopeless or len(self._buffer) > MAX_ADU):
+            return _find(self._buffer, 1, self._last_to_search())
+        if not fresh or _intact_length(self._buffer, fresh) <= 0:
+            return -1
+        # Half an odd frame in front: what came after the silence may be the rest of it, and goes on.
+        return fresh if not awaits_end or self._is_intact(0, fresh) else -1
+
+    # --- odd frames -----------------------------------------------------------------------------------------
+
+    def _may_be_odd(self, start: int) -> bool:
+        """Whether an odd frame may begin at ``start``, which is behind a silence or a good frame."""
+        data = self._buffer
+        if len(data) <= start or data[start] not in self._odd_units or (start == 0 and self._is_torn):
+            return False
+        return len(data) == start + 1 or data[start + 1] != 0
+
+    def _awaits_end(self) -> bool:
+        """Whether an odd frame may be waiting: nothing is looked for before silence has ended it."""
+        return len(self._odd_units) > 0 and len(self._buffer) <= MAX_BURST and self._may_be_odd(0)
+
+    def _last_to_search(self) -> int:
+        """Return the last offset at which a good request is looked for behind damage."""
+        fresh = self._after_silence
+        return fresh if fresh and self._may_be_odd(fresh) else len(self._buffer)
+
+    def _is_intact(self, start: int, end: int) -> bool:
+        return MIN_ADU <= end - start <= MAX_ADU and is_intact(self._buffer[start:end])
+
+    def _odd_length(self, start: int, *, has_given_up: bool) -> int:
+        """Return the length of the odd frame at ``start`` now that the line is silent, or a constant.
+
+        NEEDS_MORE: perhaps an adapter only makes a pause. One frame in 256 ends with a 0, and then the bytes
+        before that have a good check sum too. All that waits is one frame before any part of it is: zeros
+        behind a check sum may belong to it.
+        """
+        end = len(self._buffer)
+        if self._is_intact(start, end):
+            return end - start if self._is_over(start, has_given_up=has_given_up) else NEEDS_MORE
+        residue = residue_after(self._buffer[start : start + MIN_ADU - 1], SEAM)
+        for at in range(start + MIN_ADU, min(start + MAX_ADU, end - MIN_ADU) + 1):
+            residue = residue_after(self._buffer[at - 1 : at], residue)
+            if residue == INTACT and self._are_whole(at, has_given_up=has_given_up):
+                return at - start
+        return NO_FRAME
+
+    def _is_over(self, start: int, *, has_given_up: bool) -> bool:
+        """Whether an odd frame that is good so far is not waited for any longer.
+
+        Where its function code says nothing of its length it ends with the silence, as it does of any unit.
+        """
+        return has_given_up or _intact_length(self._buffer, start) == UNTIL_SILENCE
+
+    def _are_whole(self, start: int, *, has_given_up: bool) -> bool:
+        """Whether whole requests stand from ``start`` to the end of what waits; silence may end the last."""
+        while start < len(self._buffer):
+            length = _intact_length(self._buffer, start)
+            if length <= 0:
+                may_end = length == UNTIL_SILENCE or self._may_be_odd(start)
+                is_last = may_end and self._is_intact(start, len(self._buffer))
+                is_over = is_last and self._is_over(start, has_given_up=has_given_up)
+                return is_over or not any(self._buffer[start:])
+            start += length
+        return True
+
+    def _whole_from(self, start: int, last: int) -> int:
+        """Return the first offset, ``last`` at most, from where whole requests reach to the end, or -1."""
+        for at in range(start, min(last, len(self._buffer) - MIN_ADU) + 1):
+            if _intact_length(self._buffer, at) > 0 and self._are_whole(at, has_given_up=True):
+                return at
+        return -1
 
     def _take(self, length: int) -> Frame:
         frame = self._buffer[0], self._buffer[1 : length - 2]
         self._buffer = self._buffer[length:]
         self._after_silence = max(0, self._after_silence - length)
         self._is_behind_frame = True
+        self._is_torn = False
         return frame
 
     def _drop(self, count: int) -> None:
@@ -136,12 +236,49 @@ class RtuRequestDecoder(RtuDecoder):
 
         All that waits, or all that came since the last silence; else the first good request behind damage.
         """
-        for start in (0, self._after_silence):
-            frame = self._buffer[start:]
-            if not MIN_ADU <= len(frame) <= MAX_ADU or frame[1] == 0 or not is_intact(frame):
-                continue
-            # Shorter than its own bytes say: perhaps an adapter only makes a pause.
-            if has_given_up or _intact_length(frame, 0) != NEEDS_MORE:
-                return start, len(frame)
-        start = _find(self._buffer, 1)
+        fresh = self._after_silence
+        length = self._length_to_silence(0, has_given_up=has_given_up)
+        if length != NO_FRAME:
+            return (0, length) if length > 0 else None
+        length = self._length_to_silence(fresh, has_given_up=has_given_up)
+        if self._awaits_end():
+            return self._behind_damage(fresh, length, has_given_up=has_given_up)
+        if length != NO_FRAME:
+            return (fresh, length) if length > 0 else None
+        last = self._last_to_search()
+        start = _find(self._buffer, 1, last)
+        if start < 0 and has_given_up:
+            start = self._whole_from(last + 1, len(self._buffer))
         return None if start < 0 else (start, _intact_length(self._buffer, start))
+
+    def _length_to_silence(self, start: int, *, has_given_up: bool) -> int:
+        """Return the length of what begins at ``start`` and ends with the silence, or a constant.
+
+        NEEDS_MORE: perhaps it goes on; NO_FRAME: all of it is no frame.
+        """
+        if self._odd_units and self._may_be_odd(start):
+            return self._odd_length(start, has_given_up=has_given_up)
+        frame = self._buffer[start:]
+        if not MIN_ADU <= len(frame) <= MAX_ADU or frame[1] == 0 or not is_intact(frame):
+            return NO_FRAME
+        # Shorter than its own bytes say: perhaps an adapter only makes a pause.
+        is_over = has_given_up or _intact_length(frame, 0) != NEEDS_MORE
+        return len(frame) if is_over else NO_FRAME
+
+    def _behind_damage(self, fresh: int, length: int, *, has_given_up: bool) -> tuple[int, int] | None:
+        """Return what :meth:`_ended_by_silence` does, where an odd frame began and came to no good end.
+
+        ``length`` is that of a frame that came after the last silence, or a constant. Where there is one,
+        what waited before it is over. Of that only requests count that are whole to the end, as no part of a
+        frame is: a stop is not lost behind damage, and what stands inside a damaged frame is not run.
+        """
+        is_behind = length != NO_FRAME
+        if fresh and not is_behind:
+            length = _intact_length(self._buffer, fresh)
+            is_behind = length > 0
+        if not is_behind and not has_given_up:
+            return None
+        start = self._whole_from(1, fresh if is_behind else len(self._buffer))
+        if start > 0:
+            return start, _intact_length(self._buffer, start)
+        return (fresh, length) if is_behind and length > 0 else None

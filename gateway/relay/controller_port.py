@@ -302,7 +302,8 @@ class RtuControllerPort(ControllerPort):
         requests = self._decoder.on_silence(now_ns)
         if self._timer is not None:
             self._timer.arm(self._decoder.deadline_ns)
-        self._pass_on(requests, now_ns)
+        has_stood_still = self._exchange.beats.stood_still(now_ns, self.patience_ns)
+        self._pass_on(requests, now_ns, STOOD_STILL if has_stood_still else "")
 
     def _pass_on(self, requests: list[tuple[int, bytes]], now_ns: int, why_all: str = "") -> None:
         last = len(requests) - 1

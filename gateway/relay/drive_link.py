@@ -304,7 +304,12 @@ class RtuDriveLink(Link):
             self._cut_timer.arm(cutter.deadline_ns)
 
     def _silent(self, now_ns: int) -> None:
-        self._pass_on(self._decoder.on_silence(now_ns), now_ns)
+        decoder = self._decoder
+        foreign = decoder.counters.foreign
+        replies = decoder.on_silence(now_ns)
+        if decoder.counters.foreign != foreign:
+            self._exchange.stray(now_ns, unit_id=decoder.late_unit_id)
+        self._pass_on(replies, now_ns)
 
     def _pass_on(self, replies: list[tuple[int, bytes]], now_ns: int) -> None:
         # Armed first: inside reply() the exchange may send its next request, which begins anew.

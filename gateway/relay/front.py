@@ -165,6 +165,8 @@ class SerialFront:
         endpoint: SerialEndpoint,
         exchange: TimedExchange,
         journal: Journal,
+        *,
+        odd_units: frozenset[int],
     ) -> None:
         self.plan: ControllerPlan = link.plan
         self.endpoint = endpoint
@@ -172,10 +174,11 @@ class SerialFront:
         self._port = RtuControllerPort(
             self.plan,
             exchange,
-            request_decoder(endpoint),
+            request_decoder(endpoint, odd_units),
             frame_silence_ns(endpoint),
             wire_of(endpoint),
         )
+        self._port.ends_by_silence = True
         self._serial = SerialPort(
             endpoint,
             self._port,
@@ -239,11 +242,18 @@ class SerialFront:
 Front = TcpFront | SerialFront
 
 
-def make_front(line: str, link: ControllerLink, exchange: TimedExchange, journal: Journal) -> Front:
-    """Return the front of a configured controller."""
+def make_front(
+    line: str,
+    link: ControllerLink,
+    exchange: TimedExchange,
+    journal: Journal,
+    *,
+    odd_units: frozenset[int],
+) -> Front:
+    """Return the front of a configured controller; ``odd_units`` as in ``OtherUnits``."""
     if isinstance(link.endpoint, TcpEndpoint):
         return TcpFront(line, link, link.endpoint, exchange, journal)
-    return SerialFront(line, link, link.endpoint, exchange, journal)
+    return SerialFront(line, link, link.endpoint, exchange, journal, odd_units=odd_units)
 
 
 def wire_of(endpoint: SerialEndpoint) -> Wire:

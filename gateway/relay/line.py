@@ -113,7 +113,11 @@ class Line:
         self._configured = {axis.name: _configured(axis) for axis in plan.axes}
         """Gain, limits and mode as the configuration has them; a command may have changed the gain since."""
         self._is_recorded = recorder is not None
-        self._fronts = [make_front(plan.name, link, self._timed, journal) for link in plan.controllers]
+        odd_units = plan.other_units.odd
+        self._fronts = [
+            make_front(plan.name, link, self._timed, journal, odd_units=odd_units)
+            for link in plan.controllers
+        ]
 
     @property
     def addresses(self) -> dict[str, tuple[TcpEndpoint, ...]]:
@@ -428,7 +432,7 @@ def _make_link(
     refused_reads = {axis.unit_id: 0 for axis in plan.axes}
     refused_reads |= {axis.unit_id: axis.refused_read for axis in plan.axes if axis.refused_read}
     has_echo = isinstance(plan.drives, SerialEndpoint) and plan.drives.echo
-    decoder = reply_decoder(plan.drives, refused_reads)
+    decoder = reply_decoder(plan.drives, refused_reads, plan.other_units.odd)
     return RtuDriveLink(gap_ns, decoder, wire_gap_ns, has_echo=has_echo, on_return=on_return)
 
 

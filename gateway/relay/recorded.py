@@ -177,6 +177,7 @@ class _RecordedPort(ControllerPort):
         self, port: ControllerPort, number: int, sink: Sink, answered: list[tuple[int, bytes]]
     ) -> None:
         super().__init__(port.plan, port.peer)
+        self.ends_by_silence = port.ends_by_silence
         self.stamps = port.stamps
         self.number = number
         self._port = port

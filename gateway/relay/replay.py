@@ -22,7 +22,7 @@ from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable
 from gateway.relay.recorded import message_of
-from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 KEPT_DIFFERENCES: Final = 10
 """The first ones tell; what follows a difference mostly follows from it."""
@@ -216,6 +216,7 @@ class _Line(DriveLink):
                     "replay it with a configuration that has the same roles"
                 )
             port = self._ports[entry.port] = _Port(plan, entry.peer, entry.port, self)
+            port.ends_by_silence = isinstance(link.endpoint, SerialEndpoint)
         return port
 
 

@@ -5,6 +5,7 @@ from typing import Final
 
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, silence_ns
 from gateway.modbus.rtu_replies import NOBODY
+from gateway.modbus.rtu_requests import NO_UNITS
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 TCP_SILENCE_NS: Final = 5_000_000
@@ -18,19 +19,26 @@ def frame_silence_ns(endpoint: SerialEndpoint) -> int:
     return silence_ns(endpoint.baudrate, endpoint.bits_per_character)
 
 
-def request_decoder(endpoint: TcpEndpoint | SerialEndpoint) -> RtuRequestDecoder:
-    """Return a decoder for what an RTU controller sends."""
+def request_decoder(
+    endpoint: TcpEndpoint | SerialEndpoint, odd_units: frozenset[int] = NO_UNITS
+) -> RtuRequestDecoder:
+    """Return a decoder for what an RTU controller sends; ``odd_units`` as there, on a serial port alone."""
     if isinstance(endpoint, SerialEndpoint):
-        return RtuRequestDecoder(frame_silence_ns(endpoint))
+        return RtuRequestDecoder(frame_silence_ns(endpoint), odd_units=odd_units)
     return RtuRequestDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS)
 
 
 def reply_decoder(
-    endpoint: TcpEndpoint | SerialEndpoint, refused_reads: Mapping[int, int] = NOBODY
+    endpoint: TcpEndpoint | SerialEndpoint,
+    refused_reads: Mapping[int, int] = NOBODY,
+    odd_units: frozenset[int] = NO_UNITS,
 ) -> RtuReplyDecoder:
-    """Return a decoder for what RTU drives send; ``refused_reads`` as in ``RtuReplyDecoder``."""
+    """Return a decoder for what RTU drives send; the rest as in ``RtuReplyDecoder``."""
     if isinstance(endpoint, SerialEndpoint):
-        return RtuReplyDecoder(frame_silence_ns(endpoint), echo=endpoint.echo, refused_reads=refused_reads)
+        silence_ns = frame_silence_ns(endpoint)
+        return RtuReplyDecoder(
+            silence_ns, echo=endpoint.echo, refused_reads=refused_reads, odd_units=odd_units
+        )
     return RtuReplyDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS, refused_reads=refused_reads)
 
 

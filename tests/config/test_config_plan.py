@@ -266,3 +266,20 @@ def test_guarded_and_remapping_registers_reach_the_plan(tmp_path: Path) -> None:
     assert [field.address for field in axis.remapping] == [0x0550]
     assert axis.passes_unmapped
     assert not loaded(tmp_path).plan.lines[0].axes[0].passes_unmapped
+
+
+@pytest.mark.parametrize(
+    ("drives", "odd"),
+    [
+        ('rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even"', {5, 7}),
+        ('tcp = "192.0.2.1:502"', set()),
+        ('rtu_over_tcp = "192.0.2.1:502"', set()),
+    ],
+)
+def test_other_devices_may_take_odd_frames_where_their_bus_is_a_serial_port(
+    tmp_path: Path, drives: str, odd: set[int]
+) -> None:
+    before = 'rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even"'
+    text = edited((before, drives), ("[line.xyz]", "[line.xyz]\nother_units = [5, 7, 0]"))
+    other = only_line(tmp_path, text).other_units
+    assert (set(other.unit_ids), set(other.odd)) == ({0, 5, 7}, odd)

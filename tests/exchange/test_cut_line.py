@@ -25,11 +25,12 @@ from gateway.exchange.leads import (
     reply_shape,
     write_shape,
 )
-from gateway.exchange.plan import AxisPlan
+from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, OtherUnits
 from gateway.exchange.transaction import Phase
 from gateway.modbus.crc import INVERTED, is_intact, residue_after
 from gateway.modbus.registers import BitField
-from tests.exchange.cut_line_bench import CHAR_NS, PLAN, Left, PieceLink, PiecePort, Site, frame_of
+from gateway.modbus.rtu import RtuRequestDecoder
+from tests.exchange.cut_line_bench import CHAR_NS, PLAN, WIRE, Left, PieceLink, PiecePort, Site, frame_of
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
 from tests.exchange.record_bench import Records
 from tests.exchange.staged_bench import STOP_PDU, staged_plan
@@ -630,3 +631,40 @@ def test_each_end_in_each_state_leaves_a_line_that_works(state: str, end: Callab
             line.serve()
     assert line.cnc.replies[-1] == (0, 1, NEXT[:5])
     assert line.line.axes[0].fields[0].nominal_words == write(COMMAND, 10_080)[6:]
+
+
+@pytest.mark.parametrize("is_named", [False, True])
+def test_w12_to_a_device_that_is_no_axis_nothing_is_cut_through(*, is_named: bool) -> None:
+    other = OtherUnits(frozenset({5}), frozenset({5})) if is_named else NO_OTHER_UNITS
+    line = Site(other_units=other)
+    line.settle()
+    asked, answer = bytes.fromhex("03 07 00 00 01"), bytes.fromhex("03 02 00 05")
+    line.bench.send(asked, line.cnc, unit_id=5)
+    line.line.reply(5, answer, line.bench.now_ns)
+    line.forget()
+    line.measure(read_shape())
+    line.pass_to(line.bench.now_ns + 10 * MS)
+    frame = frame_of(asked, 5)
+    began_ns = line.come(frame)
+    left = line.to_drives(began_ns)
+    assert bytes.fromhex(" ".join(data for _, data in left)) == frame
+    assert left[0][0] == (8.0 if is_named else 2.325)
+    assert line.requests() == ({} if is_named else {Turn.COMMITTED: 1})
+
+
+def test_w12_an_odd_frame_begins_like_a_read_and_goes_whole() -> None:
+    line = Site(other_units=OtherUnits(frozenset({5}), frozenset({5})))
+    line.cnc.ends_by_silence = True
+    line.cnc.decoder = RtuRequestDecoder(WIRE.silence_ns, odd_units=frozenset({5}))
+    line.settle()
+    for _ in range(2):
+        line.bench.send(bytes.fromhex("03 07 00 00 01"), line.cnc, unit_id=5)
+        line.line.reply(5, bytes.fromhex("03 02 00 05"), line.bench.now_ns)
+    line.forget()
+    line.measure(read_shape())
+    line.pass_to(line.bench.now_ns + 100 * MS)
+    odd = bytes.fromhex("05 03 01 01 00 00 00 09 07 23 36")
+    began_ns = line.come(odd)
+    line.pass_to(began_ns + 50 * MS)
+    # Eleven characters, 3.5 of silence behind the last one, and 30 in which an adapter may hold more back.
+    assert line.to_drives(began_ns) == [(44.5, odd.hex(" "))]

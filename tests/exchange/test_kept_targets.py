@@ -225,9 +225,9 @@ def test_m9_a_drive_that_comes_back_from_another_zero_is_not_corrected_on_it() -
     before = len(bench.seen)
     bench.trigger()
     sent = bench.seen[before:]
-    assert bench.drive.moves[-1] == ("absolute", 60_000)
     assert sent.count(write(COMMAND, 60_410)) == 0
     assert sent.count(read(ACTUAL)) == 1
+    assert bench.drive.moves[-1] == ("absolute", 60_000)
 
 
 def test_m9_a_reboot_that_nobody_saw_is_found_by_the_look_too() -> None:

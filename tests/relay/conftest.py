@@ -10,7 +10,16 @@ import pytest
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
+from gateway.exchange.plan import (
+    NO_OTHER_UNITS,
+    AxisPlan,
+    CompensationMode,
+    ControllerPlan,
+    LineTiming,
+    OtherUnits,
+    Reference,
+    Role,
+)
 from gateway.ipc.notes import Note
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.modbus.registers import PositionField, RegisterType
@@ -132,8 +141,19 @@ class Bench:
         axes: tuple[AxisPlan, ...] = (),
         timing: LineTiming | None = None,
         status_unit: int = 0,
+        *,
+        other_units: OtherUnits = NO_OTHER_UNITS,
+        tape_bytes: int = 0,
     ) -> Relay:
-        line = LinePlan("line", drives, controllers, axes, timing or TIMING)
+        line = LinePlan(
+            "line",
+            drives,
+            controllers,
+            axes,
+            timing or TIMING,
+            other_units=other_units,
+            tape_bytes=tape_bytes,
+        )
         relay = Relay(GatewayPlan("bench", (line,), status_unit=status_unit), self.notes.append)
         await relay.start()
         self.stack.push_async_callback(relay.stop)

@@ -235,3 +235,19 @@ async def test_w5_a_stop_among_several_requests_in_one_read_goes_out() -> None:
     connection.timed.reply(1, STOP_PDU, START_NS)
     assert connection.wires.sent == [STOP_PDU, read]
     port.closed("", START_NS)
+
+
+@pytest.mark.parametrize(("late_ms", "sent"), [(40, 1), (TIMEOUT_MS + 100, 0)])
+async def test_w5_what_a_silence_ends_only_after_the_process_stood_still_is_not_sent(
+    late_ms: float, sent: int
+) -> None:
+    connection = Connection()
+    port = serial_port(connection)
+    vendor = bytes.fromhex("65 10 20 30 40")
+    connection.timed.beats.beat(START_NS)  # the next one is due 20 ms later
+    port.received(encode_rtu(9, vendor), START_NS)
+    assert connection.wires.sent == []
+    port._silent(START_NS + int(late_ms * MS))
+    assert connection.wires.sent == [vendor] * sent
+    assert len(connection.withdrawn()) == 1 - sent
+    port.closed("", START_NS)

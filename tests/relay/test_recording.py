@@ -27,7 +27,7 @@ from gateway.exchange.control import (
     TableChange,
 )
 from gateway.exchange.limits import Limits
-from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, Reference
+from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, OtherUnits, Reference
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import compiled
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
@@ -39,7 +39,7 @@ from gateway.relay.gateway import Relay
 from gateway.relay.recorded import entry_of, message_of
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay, ReplayError, ReplayResult
-from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, RawEnd, Tools
@@ -286,6 +286,24 @@ def test_one_line_replays_alone_though_an_axis_of_another_one_acts_on_it(tools: 
         for number, entry in enumerate([*entries, End(0)], start=1):
             replay.feed(number, entry)
         assert (replay.result.outputs, replay.result.first) == (outputs, [])
+
+
+def test_an_odd_frame_of_a_serial_port_replays_to_the_same_bytes(tools: "Tools") -> None:
+    link = ControllerLink(ControllerPlan("cnc", serial=True), SerialEndpoint("/dev/ttyUSB0"))
+    line = LinePlan("one", SerialEndpoint("/dev/ttyUSB1"), (link,), (tools.axis(),), tools.timing)
+    entries: tuple[Entry, ...] = (
+        traffic.Up("one", 1000),
+        traffic.Request("one", 2000, 1, "cnc", 0, 5, "030101"),
+        Sent("one", 5, "030101"),
+        traffic.Reply("one", 3000, 5, "030101"),
+        Answered("one", 1, 0, 5, "030101"),
+        End(0),
+    )
+    for odd, different in ((frozenset({5}), 0), (frozenset(), 1)):
+        replay = Replay(GatewayPlan("bench", (replace(line, other_units=OtherUnits(odd, odd)),)), None)
+        for number, entry in enumerate(entries, start=1):
+            replay.feed(number, entry)
+        assert bool(replay.result.different) == different
 
 
 async def test_another_configuration_shows_what_it_would_have_done(

@@ -12,8 +12,9 @@ from typing import Final
 from gateway.exchange.cut_line import Wire as LineWire
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
+from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
 from gateway.exchange.ports import Stamps
-from gateway.modbus.crc import is_intact
+from gateway.modbus.crc import append_crc, is_intact
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
 from gateway.relay.controller_port import RtuControllerPort
 from gateway.relay.drive_link import RtuDriveLink
@@ -30,6 +31,18 @@ from tests.verify.wires import (
 )
 from tests.verify.world import TICK_NS, TIMING, Design, Happening, Side, Wire, World
 
+ODD: Final = OtherUnits(frozenset({99}), frozenset({99}))
+"""Of a device that is no axis, and takes odd frames."""
+ODD_FRAME: Final = append_crc(bytes.fromhex("63 03 01 01 00 00 00 09 07"))
+ODD_WRAPPED: Final = append_crc(b"\x63\x03" + append_crc(bytes.fromhex("01 06 00 00 00 01")))
+"""Inside of it stands a request that nobody asked."""
+ODD_FRONTS: Final = {
+    "whole": ODD_FRAME,
+    "damaged": ODD_FRAME[:-1] + bytes((ODD_FRAME[-1] ^ 0x5A,)),
+    "wrapped": ODD_WRAPPED,
+    "damaged-wrapped": ODD_WRAPPED[:-1] + bytes((ODD_WRAPPED[-1] ^ 0x5A,)),
+}
+"""What stands in one read before a request."""
 NUMBERLESS: Final = -1
 CUT: Final = 4
 """So many bytes of a frame come first."""
@@ -56,13 +69,14 @@ class RtuSide(BytesSide):
 
     def __init__(self, design: Design, tell: Callable[[Event], None]) -> None:
         with timers_at_rest():
-            real = RtuDriveLink(0, RtuReplyDecoder())
+            other = ODD if "odd" in design.happenings else NO_OTHER_UNITS
+            real = RtuDriveLink(0, RtuReplyDecoder(odd_units=other.odd))
             self.link = BytesLink(real, self.pipe_kind)
             self.line = self.line_of(design, tell)
             self.door = self.door_of(self.line)
             real.attach(self.door)
         self.ports = [
-            RtuControllerPort(plan, self.door, RtuRequestDecoder(), 0, self.port_wire)
+            RtuControllerPort(plan, self.door, RtuRequestDecoder(odd_units=other.odd), 0, self.port_wire)
             for plan in design.controllers
         ]
         self.make_pipes(self.port_pipe_kind)
@@ -72,7 +86,8 @@ class RtuSide(BytesSide):
 
     def line_of(self, design: Design, tell: Callable[[Event], None]) -> LineExchange:
         """Return the line."""
-        return LineExchange(design.plans, TIMING, self.link, tell, design.groups)
+        other = ODD if "odd" in design.happenings else NO_OTHER_UNITS
+        return LineExchange(design.plans, TIMING, self.link, tell, design.groups, other_units=other)
 
     def door_of(self, line: LineExchange) -> Door:
         """Return where ports and link bring whole frames."""
@@ -153,6 +168,8 @@ class RtuWorld(BytesWorld):
         found = super().happenings()
         if "spoil" in design.happenings and not state.half:
             found += [("spoil", *each[1:]) for each in found if each[0] == "ask"]
+        if "odd" in design.happenings and not state.half:
+            found += [("odd", front, *each[1:]) for each in found if each[0] == "ask" for front in ODD_FRONTS]
         wire, late = state.wire, state.late
         if late is not None and wire is not None:
             found = [each for each in found if each[0] != "late"]
@@ -167,6 +184,17 @@ class RtuWorld(BytesWorld):
         data = encode_rtu(self.design.plans[axis].unit_id, self.pdu(name, number))
         self._give_up(port)
         self._wire_side.feed(port, data[:-1] + bytes((data[-1] ^ 0x5A,)), self.now_ns)
+        self._wire_side.fall_silent(self.now_ns)
+        self._collect()
+
+    def _on_odd(self, front: str, port: int, name: str, axis: int, number: int = 0) -> None:
+        """A request comes in one read behind an odd frame, which its controller gives up with it (W5).
+
+        However it is told from that, it leaves once, and nothing else does.
+        """
+        self._give_up(port)
+        _, data = self._register_rtu(name, axis, number)
+        self._wire_side.feed(port, ODD_FRONTS[front] + data, self.now_ns)
         self._wire_side.fall_silent(self.now_ns)
         self._collect()
 

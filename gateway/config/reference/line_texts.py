@@ -61,7 +61,11 @@ LINE: Final[Texts] = {
         meaning=(
             "unit ids of further devices on the line: what is for them passes as it is, and is no trouble. "
             "On Modbus/TCP with one axis a write to a unit id that is not named is refused with 0x0A where "
-            "it would reach a position, trigger, mode or limit of the axis: many drives do not look at it"
+            "it would reach a position, trigger, mode or limit of the axis: many drives do not look at it. "
+            "Between serial ports (`rtu` on both sides) such a device may also take and answer frames of "
+            "another length than their function code says, as some inverters do: `05 03 01 01 30 B8`. All "
+            "bytes between two silences are then one frame, which counts as a write and leaves some 30 ms "
+            "after its last byte: let the controller wait for 100 ms at least. Never for unit id 0"
         ),
         default="none",
     ),
