@@ -54,6 +54,10 @@ class Known:
     """Axes whose reference was asked for."""
     runs: dict[str, Rendering] = field(default_factory=dict)
     """What a trigger runs, by axis: decided once for each request (M2)."""
+    peer_runs: dict[str, Rendering] = field(default_factory=dict)
+    """What the other axes of its group hold and have to run, by axis (M11)."""
+    decided_by: tuple[object, ...] = ()
+    """What those were decided by: the corrections in force of all axes of the group."""
 
 
 NOTHING_KNOWN: Final = Known()

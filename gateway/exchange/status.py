@@ -80,6 +80,7 @@ def axis_status(axis: Axis, now_ns: int) -> dict[str, Any]:
         "actual_age_s": None if actual is None else round((now_ns - actual.seen_ns) / NS_PER_S, 3),
         "writer": axis.hold.writer if axis.hold.is_held(now_ns) else None,
         "table": _table_status(axis),
+        "group": _group_status(axis),
         "terms": None if axis.terms is None else axis.terms.status(axis, now_ns),
     }
 
@@ -111,6 +112,20 @@ def compensation_state(axis: Axis) -> str:
         return "outside"
     is_stream = axis.plan.settings.setpoints is Setpoints.STREAM
     return "blending" if is_stream and axis.compensation.is_blending else "active"
+
+
+def _group_status(axis: Axis) -> dict[str, object] | None:
+    """Return what its group goes by (M11); None: it is in none."""
+    beam = axis.beam
+    if beam is None:
+        return None
+    return {
+        "state": beam.state.value,
+        "has_gone": axis.fixed is not None and axis.fixed.has_gone,
+        "is_put_off": beam.has_put_off and axis.fixed is not None,
+        "is_skewed": beam.is_skewed,
+        "skew": beam.skew,
+    }
 
 
 def _table_status(axis: Axis) -> dict[str, object]:

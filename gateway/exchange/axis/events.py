@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from enum import Enum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from gateway.compensation.moves import SteadyMove
 from gateway.compiled import mypyc_attr
@@ -216,6 +216,9 @@ class Part(NamedTuple):
     words: bytes
 
 
+NO_RUNS: Final[Mapping[str, Rendering]] = {}
+
+
 class AxisRequest:
     """What one request does to one axis, as it was sent."""
 
@@ -228,6 +231,7 @@ class AxisRequest:
         "goes_unknown",
         "is_uncorrected",
         "parts",
+        "peer_runs",
         "remaps",
         "runs",
         "stagings",
@@ -255,6 +259,8 @@ class AxisRequest:
         """The axis goes somewhere nobody knows: a distance passed unchanged."""
         self.is_uncorrected = False
         """It goes there beside a stop of another axis, with words that were not corrected for it."""
+        self.peer_runs: Mapping[str, Rendering] = NO_RUNS
+        """What the other axes of its group hold and have to run, by their names (M11)."""
         self.remaps = False
         """It writes a register that moves other registers about."""
 
