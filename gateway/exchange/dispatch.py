@@ -183,8 +183,8 @@ class Units:
         known = transaction.knowledge() if self.have_rules else transaction.known or NOTHING_KNOWN
         requests = []
         for frame in frames:
-            for own in frame.by_axis:
-                own.axis.settle_group(now_ns)
+            for axis in frame.unit.axes:
+                axis.settle_group(now_ns)
             request = understand(frame, known, now_ns, transaction.arrived_ns)
             if settle_groups(request):
                 request = understand(frame, known, now_ns, transaction.arrived_ns)

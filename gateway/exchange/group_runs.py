@@ -92,13 +92,17 @@ def _is_at(axis: Axis, number: int, words: bytes, nominal_counts: float) -> bool
 
 def _decide_anew(request: Request, axis: Axis) -> None:
     """Forget what was worked out for this request where something else has come into force meanwhile."""
-    known, decided_by = request.known, []
-    for member in (axis, *axis.peers):
-        decided_by += [member.goes_as_referenced, id(member.wanted)]
-    if known.decided_by != tuple(decided_by):
-        known.decided_by = tuple(decided_by)
-        known.runs.clear()
-        known.peer_runs.clear()
+    known, members = request.known, (axis, *axis.peers)
+    is_other = False
+    for member in members:
+        name, is_referenced, wanted = member.plan.name, member.goes_as_referenced, member.wanted
+        before = known.decided_by.get(name)
+        if before is not None and (before[0] is not is_referenced or before[1] is not wanted):
+            is_other = True
+        known.decided_by[name] = (is_referenced, wanted)
+    for member in members if is_other else ():
+        known.runs.pop(member.plan.name, None)
+        known.peer_runs.pop(member.plan.name, None)
 
 
 def _reference_of(request: Request, axis: Axis) -> AddedFrame | None:

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
+from gateway.exchange.axis.beam import BeamState
 from gateway.exchange.axis.state import Actual
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.cut_status import cut_status
@@ -80,7 +81,7 @@ def axis_status(axis: Axis, now_ns: int) -> dict[str, Any]:
         "actual_age_s": None if actual is None else round((now_ns - actual.seen_ns) / NS_PER_S, 3),
         "writer": axis.hold.writer if axis.hold.is_held(now_ns) else None,
         "table": _table_status(axis),
-        "group": _group_status(axis),
+        "group": _group_status(axis, now_ns),
         "terms": None if axis.terms is None else axis.terms.status(axis, now_ns),
     }
 
@@ -114,15 +115,16 @@ def compensation_state(axis: Axis) -> str:
     return "blending" if is_stream and axis.compensation.is_blending else "active"
 
 
-def _group_status(axis: Axis) -> dict[str, object] | None:
+def _group_status(axis: Axis, now_ns: int) -> dict[str, object] | None:
     """Return what its group goes by (M11); None: it is in none."""
     beam = axis.beam
     if beam is None:
         return None
+    fixed = None if beam.is_over(now_ns) else axis.fixed
     return {
-        "state": beam.state.value,
-        "has_gone": axis.fixed is not None and axis.fixed.has_gone,
-        "is_put_off": beam.has_put_off and axis.fixed is not None,
+        "state": BeamState.OPEN.value if fixed is None else beam.state.value,
+        "has_gone": fixed is not None and fixed.has_gone,
+        "is_put_off": fixed is not None and beam.has_put_off,
         "is_skewed": beam.is_skewed,
         "skew": beam.skew,
     }
