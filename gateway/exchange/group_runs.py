@@ -14,7 +14,7 @@ from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.meaning import Meaning
-from gateway.exchange.prerequisites import read_for_run, render_run, restage_for_run
+from gateway.exchange.prerequisites import read_for_run, render_run, restage_for_run, staged_words
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.request import Request, written_part
 from gateway.exchange.translate import check_may_act, may_run_distances
@@ -44,6 +44,8 @@ def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
     ]
     for request, meaning in firsts:
         check_may_act(meaning)
+        if meaning.runs_alone:
+            staged_words(meaning)
         _decide_anew(request, meaning.axis)
         for member in (meaning.axis, *meaning.axis.peers):
             added = _reference_of(request, member)

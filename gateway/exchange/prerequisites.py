@@ -167,7 +167,7 @@ def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
     if rendering is None and (fixed := _fixed_run(meaning)) is not None:
         rendering = known.runs[name] = fixed
     if rendering is None:
-        words = _staged_words(meaning)
+        words = staged_words(meaning)
         if words is None:
             return None
         assert meaning.number is not None
@@ -221,7 +221,7 @@ def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
     axis = meaning.axis
     check_may_act(meaning)
     if _is_mode_untold(meaning):
-        _staged_words(meaning)
+        staged_words(meaning)
     number = axis.rules.staged if meaning.number is None else meaning.number
     if number is None:
         return None
@@ -273,7 +273,7 @@ def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     return added
 
 
-def _staged_words(meaning: Meaning) -> bytes | None:
+def staged_words(meaning: Meaning) -> bytes | None:
     """Return the nominal words of the target that a trigger runs; None where it may pass without.
 
     Raises:

@@ -104,11 +104,11 @@ BEAM_AFTER: Final[dict[BeamState, dict[BeamEvent, BeamState]]] = {
 class Beam:
     """Whether the axes of one group go by a decision of before, since when, and by whose trigger."""
 
-    __slots__ = ("first", "has_put_off", "is_skewed", "since_ns", "skew", "state")
+    __slots__ = ("has_put_off", "is_skewed", "led_by", "since_ns", "skew", "state")
 
     def __init__(self) -> None:
         self.state = BeamState.OPEN
-        self.first = ""
+        self.led_by = ""
         """The axis whose trigger has fixed it."""
         self.since_ns = 0
         """When that left."""
@@ -126,9 +126,9 @@ class Beam:
             self.is_skewed, self.skew = False, None
         return before is not _OPEN and self.state is _OPEN
 
-    def fix(self, first: str, now_ns: int) -> None:
+    def fix(self, led_by: str, now_ns: int) -> None:
         """The first trigger leaves: what was asked for until now is what counts."""
-        self.first, self.since_ns, self.has_put_off = first, now_ns, False
+        self.led_by, self.since_ns, self.has_put_off = led_by, now_ns, False
 
     def put_off(self) -> None:
         """Something has to wait until nothing is fixed any more."""

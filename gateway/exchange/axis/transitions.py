@@ -492,7 +492,7 @@ class Axis(AxisState):
                 for member in (self, *self.peers):
                     member.fix(None if member is self else request.peer_runs.get(member.plan.name))
             elif beam.has_put_off and self.fixed is not None and not self.fixed.has_gone:
-                detail = f"it goes as {beam.first} has gone; what was asked for since comes into force then"
+                detail = f"it goes as {beam.led_by} has gone; what was asked for since comes into force then"
                 self.tell(EventKind.GROUP_HELD, detail)
             self._group_happens(BeamEvent.LEFT)
 
@@ -503,9 +503,8 @@ class Axis(AxisState):
             return
         if request.targets or request.runs or (command is not None and command.action.runs_target):
             if outcome is Outcome.ACKNOWLEDGED or outcome is Outcome.BROADCAST:
-                self.fixed = fixed._replace(
-                    has_gone=True, missing=self._missing_words(request, fixed, now_ns), part_ns=now_ns
-                )
+                missing = self._missing_words(request, fixed, now_ns)
+                self.fixed = fixed._replace(has_gone=True, missing=missing, part_ns=now_ns if missing else 0)
                 is_whole = self._is_group_through(now_ns)
                 self._group_happens(BeamEvent.WHOLE if is_whole else BeamEvent.WENT)
             else:
