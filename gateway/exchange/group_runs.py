@@ -143,7 +143,10 @@ def _prepare_staged(request: Request, axis: Axis, number: int, words: bytes) -> 
         mode, action = axis.plan.motion.mode(number), axis.last_run
         lost_mode = axis.rules.lost_mode(number)
         if lost_mode is not None:
-            raise RefusedRequestError(lost_mode, name, "its mode was lost before", EventKind.AXIS_BLOCKED)
+            reason = (
+                "a trigger, but a target, its mode or a part of it was lost before: write all of it again"
+            )
+            raise RefusedRequestError(lost_mode, name, reason, EventKind.AXIS_BLOCKED)
         if mode is None:
             action = action if may_run_distances(axis) else Action.ABSOLUTE
         elif mode.is_in_frame:
