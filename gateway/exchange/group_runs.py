@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, homed_read, read_word
+from gateway.exchange.axis.state import Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
@@ -117,7 +118,7 @@ def _reference_of(request: Request, axis: Axis) -> AddedFrame | None:
 def _prepare_peer(request: Request, axis: Axis) -> AddedFrame | None:
     """Return the next frame by which an axis comes to hold its target as it has to run it.
 
-    Of a target that it ran already nobody knows whether it is meant to run once more: it holds nobody up.
+    A target that it was stopped on the way to may be meant to run once more, or not: it holds nobody up.
     """
     number, motion = axis.rules.staged, axis.plan.motion
     if number is None or not motion.waits_for_trigger:
@@ -125,6 +126,8 @@ def _prepare_peer(request: Request, axis: Axis) -> AddedFrame | None:
     words = axis.fields[number].nominal_words
     if words is None or axis.fields[number].is_torn:
         return None
+    if not axis.holds_unrun and axis.whereabouts is not Whereabouts.STOPPED:
+        return None  # it has run that
     try:
         return _prepare_staged(request, axis, number, words)
     except RefusedRequestError as refusal:
