@@ -19,6 +19,7 @@ from tests.exchange.staged_bench import (
     RUN_RELATIVE_PDU,
     STATUS,
     STOP_PDU,
+    ZERO_PDU,
     staged_plan,
 )
 
@@ -535,6 +536,55 @@ def test_three_axes_go_by_the_first() -> None:
     bench.run(1)
     assert bench.ends() == [60_010] * 3
     assert bench.group()["state"] == "open"
+
+
+def test_a_pipelined_pair_goes_by_one_decision() -> None:
+    bench = reversed_beam(serial=False)
+    for unit_id in (1, 2):
+        bench.line.request(bench.port, unit_id, unit_id, RUN_PDU, bench.now_ns)
+    while not (bench.link.sent[0][0] == 1 and bench.link.sent[0][1] == RUN_PDU):
+        unit_id, pdu = bench.link.sent.pop(0)
+        bench.line.reply(unit_id, bench.drives[unit_id].answer(pdu), bench.now_ns)
+    bench.switch(is_wanted=False)  # the first is on its way: what holds is fixed
+    bench.serve()
+    assert [reply[2] for reply in bench.port.replies] == [RUN_PDU, RUN_PDU]
+    assert bench.ends() == [59_990, 59_990]
+
+
+def test_what_was_refused_to_the_first_may_be_given_again() -> None:
+    """Beyond the travel of y2 only: y1 is refused as well, and both go once y2 has another target."""
+    settings = {"travel": (0.0, 100.0), "travel_margin": 0.0}
+    bench = beam(**settings)
+    bench.stage(1, 60_000)
+    bench.refuses.append((2, bytes.fromhex("10 0606"), bytes.fromhex("90 04")))
+    assert bench.to(2, write(COMMAND, 60_000)) == bytes.fromhex("90 04")
+    moves = bench.counts_of_moves()
+    assert bench.to(1, RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.counts_of_moves() == moves
+    bench.stage(2, 60_000)
+    bench.run(1)
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_010]
+
+
+def test_an_alarm_between_two_triggers_leaves_the_other_corrected() -> None:
+    bench = BeamBench(referenced=Reference.SET_POSITION)
+    for unit_id in (1, 2):
+        assert bench.to(unit_id, ZERO_PDU) == ZERO_PDU
+    bench.go(50_000)
+    assert bench.ends() == [50_010, 50_010]
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.run(1)
+    lost = bench.kinds().count("reference-lost")
+    bench.drives[2].set_bits(is_done=True, is_alarmed=True)
+    bench.to(2, bytes.fromhex("03 005C 0001"))
+    assert bench.kinds().count("reference-lost") == lost + 2
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_010]
+    bench.settle()
+    bench.go(70_000)
+    assert bench.ends() == [70_000, 70_000]
 
 
 def test_an_axis_without_a_group_has_no_status_of_one() -> None:

@@ -536,9 +536,10 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     run = axis.run
     is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
     is_again |= aim.tried is not None and aim.tried[0] == aim.nominal_counts
-    if run is not None and (
-        run.state in PASSING or ("declare" in world.design.happenings and not run.is_told)
-    ):
+    has_lost = ("declare" in world.design.happenings and run is not None and not run.is_told) or (
+        "homed_bit" in world.design.happenings
+    )
+    if run is not None and (run.state in PASSING or has_lost):
         # The same words as before the reference was lost, or found: no reading tells (M4).
         is_again |= run.nominal_counts == aim.nominal_counts
     may_fail = world.design.refuses_reads or world.design.answers_before
@@ -1304,8 +1305,8 @@ def judge_direction(world: "World", number: int, said: "Said") -> None:
         raise BrokenRuleError(f"a distance was lost and runs, and it is said: {said.direction} (8, M5)")
     if run is None or not run.is_told or run.is_unsure or run.state != "active" or world.design.is_stream:
         return
-    if axis.next_run is not None:
-        return  # it goes on from there
+    if axis.next_run is not None or "homed_bit" in world.design.happenings:
+        return  # it goes on from there; or its reference was lost and found where it stands
     if said.compensation != "active" or axis.stands_counts != run.end_counts or axis.goes_counts is not None:
         return
     is_same = (run.table, run.is_gain_half) == (world.state.table, world.state.is_gain_half)
