@@ -7,8 +7,10 @@ from typing import Any, Final
 
 import pytest
 
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
 from gateway.exchange.axis.beam import BEAM_AFTER, BeamEvent, BeamState
-from gateway.exchange.control import ControlError, EndDryRun
+from gateway.exchange.control import ClearTable, ControlError, EndDryRun, SetTables, TableChange
 from gateway.exchange.plan import CompensationMode, Reference
 from tests.exchange.beam_bench import BeamBench
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, stream_plan, write
@@ -135,6 +137,26 @@ def test_a_gain_between_two_triggers_waits(share: float) -> None:
     bench.settle()
     bench.go(70_000)
     assert bench.ends() == [70_000 + 10 * share] * 2
+
+
+@pytest.mark.parametrize("height_mm", [0.02, None])
+def test_another_table_between_two_triggers_waits(height_mm: float | None) -> None:
+    """One of twice the height, or none any more."""
+    bench = beam()
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.run(1)
+    if height_mm is None:
+        bench.line.control(ClearTable("y2"), bench.now_ns)
+    else:
+        table = make_table([0, 100], [height_mm] * 2, [-height_mm] * 2, Units.MM)
+        changes = tuple(TableChange(name, table, "y.tab", "csv", "0" * 64) for name in ("y1", "y2"))
+        bench.line.control(SetTables(changes), bench.now_ns)
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_010]
+    bench.settle()
+    bench.go(70_000)
+    assert bench.ends() == [70_000 + 1000 * (height_mm or 0)] * 2
 
 
 def test_a_target_that_is_staged_after_the_first_has_gone_goes_by_what_was_fixed() -> None:
