@@ -120,6 +120,23 @@ AXIS_RELEASED: Final = EventEntry(
     "the drive has accepted a complete target: the triggers of the axis pass again",
     "the end of an `axis-blocked`",
 )
+GROUP_HELD: Final = EventEntry(
+    "group-held",
+    Severity.WARNING,
+    "an axis of a group goes corrected, or 1:1, as the first of them has gone, although a switch, a table, a "
+    "gain or a reference has changed since: that comes into force when all of them have gone",
+    "the compensation was switched, or a homed bit fell, between the triggers of the axes of a group",
+    "switch while the machine stands; where a reference was lost, home the axes before the next move",
+)
+GROUP_SKEWED: Final = EventEntry(
+    "group-skewed",
+    Severity.ERROR,
+    "an axis of a group has gone, and the target of another one was refused: the beam is skewed by as much "
+    "as the detail says; the gateway stops nothing by itself",
+    "the drive refused its trigger or did not answer, or its target was lost before",
+    "stop the axes where the machine cannot bear it; else write the target of the refused axis again and "
+    "run it",
+)
 RESTAGED: Final = EventEntry(
     "restaged",
     Severity.WARNING,

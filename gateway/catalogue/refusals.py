@@ -132,6 +132,13 @@ REFUSALS: Final = (
     ),
     RefusalEntry(
         0x04,
+        "the first trigger of its group is refused",
+        "another axis of the group could not follow: the target that it holds cannot be written anew, or "
+        "must not be gone to; the sentence behind the colon says why. Nothing has moved",
+        "look that sentence up, and write the target of that axis again",
+    ),
+    RefusalEntry(
+        0x04,
         "a trigger, and its target was not written through the gateway",
         "the drive holds a target from before the gateway was started, or from another master",
         'write the target again, or set `stored_moves = "uncorrected"`',

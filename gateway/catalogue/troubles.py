@@ -149,6 +149,22 @@ BLOCKED: Final = TroubleEntry(
     "the drive refused or did not answer a write, or a request of the controller was refused",
     "let the controller send the target again",
 )
+GROUP_SKEWED: Final = TroubleEntry(
+    "group-skewed",
+    Severity.ERROR,
+    "the axes of a group have not all gone: one has, and the target of another one was refused",
+    "the drive refused its trigger or did not answer, or its target was lost before",
+    "stop the axes where the machine cannot bear it; else write the target of the refused axis again and "
+    "run it",
+    title="Beam skewed",
+)
+GROUP_HELD: Final = TroubleEntry(
+    "group-held",
+    Severity.WARNING,
+    "the axes of a group go as the first of them has gone; what was asked for since waits until all have",
+    "the compensation was switched, or a homed bit fell, between the triggers of the axes of a group",
+    "let the other axes go, or stop them; after ten seconds it comes into force in any case",
+)
 UNREFERENCED: Final = TroubleEntry(
     "unreferenced",
     Severity.WARNING,

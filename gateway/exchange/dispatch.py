@@ -9,6 +9,7 @@ from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.aliases import Aliases, why_not_passed
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.fast_path import find_path
+from gateway.exchange.group_runs import next_of_groups, settle_groups
 from gateway.exchange.meaning import NO_ACCESS, Frame, Meaning, meanings
 from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
 from gateway.exchange.prerequisites import next_frame, run_beside_stop
@@ -184,11 +185,19 @@ class Units:
         known = transaction.knowledge() if self.have_rules else transaction.known or NOTHING_KNOWN
         requests = []
         for frame in frames:
-            request = understand(frame, known, now_ns, transaction.arrived_ns, transaction.follows_ns)
+            for axis in frame.unit.axes:
+                axis.settle_group(now_ns)
+            arrived_ns, follows_ns = transaction.arrived_ns, transaction.follows_ns
+            request = understand(frame, known, now_ns, arrived_ns, follows_ns)
+            if settle_groups(request):
+                request = understand(frame, known, now_ns, arrived_ns, follows_ns)
             if frame.access is NO_ACCESS and not request.meanings:
                 continue
             requests.append(request)
         has_stop = has_a_stop(requests)
+        added = None if has_stop else next_of_groups(requests)
+        if added is not None:
+            return added, b""
         for request in requests:
             if has_stop:
                 run_beside_stop(request)

@@ -21,6 +21,8 @@ class EventKind(Enum):
     REFUSED_VALUE = "refused-value"
     AXIS_BLOCKED = "axis-blocked"
     AXIS_RELEASED = "axis-released"
+    GROUP_HELD = "group-held"
+    GROUP_SKEWED = "group-skewed"
     RESTAGED = "restaged"
     UNKNOWN_MODE = "unknown-mode"
     STORED_MOVE = "stored-move"

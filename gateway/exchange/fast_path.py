@@ -65,6 +65,8 @@ class ReadPath(FastPath):
             record = axis.record
             if axis.silent_since_ns is not None or (record is not None and record.recalled is not None):
                 return None
+            if axis.fixed is not None:
+                return None  # what was fixed may have ended by now
         if self._asks_for_bits:
             for read in self._reads:
                 if read.axis.needs_reference(now_ns, is_target=False):

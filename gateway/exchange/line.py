@@ -339,6 +339,8 @@ class LineExchange(CuttingLine):
         current = self._current
         if isinstance(message, EndDryRun) and current is not None and not current.only_reads:
             raise ControlError(f"axis {message.axis} stays in shadow: {ON_THE_WIRE}")
+        for axis in self.axes:
+            axis.settle_group(now_ns)
         changed = carry_out(self.axes, message, now_ns)
         if isinstance(message, SetLimits):
             self.meter.set_budget(message.axis, message.limits.budget_us)
@@ -854,7 +856,7 @@ class LineExchange(CuttingLine):
             return
         for rewriting in transaction.rewritings:
             for axis, written in rewriting.written:
-                self.counters.unknown_modes += axis.send(written)
+                self.counters.unknown_modes += axis.send(written, now_ns)
         self._put_on_wire(transaction, pdu, transaction.unit_id, now_ns)
         self._ownership.moved(transaction, now_ns)
 

@@ -11,7 +11,7 @@ from gateway.exchange.added_frames import (
     read_word,
     restaging,
 )
-from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, Rendering
+from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, TARGETED, Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
@@ -121,13 +121,13 @@ def _command_read(request: Request) -> AddedFrame | None:
                 or axis.whereabouts in MAY_BE_ELSEWHERE
                 or needs_look(axis, request.now_ns, action)
             ):
-                added = _read_for_run(request, axis, number, words, action)
+                added = read_for_run(request, axis, number, words, action)
                 if added is not None:
                     return added
     return None
 
 
-def _read_for_run(
+def read_for_run(
     request: Request, axis: Axis, number: int, words: bytes, action: Action
 ) -> AddedFrame | None:
     """Return what must be read before a whole target can be rendered."""
@@ -157,6 +157,15 @@ def _read_for_run(
     return read_field(axis, Purpose.ACTUAL, actual)
 
 
+def read_for_staged(
+    request: Request, axis: Axis, number: int, words: bytes, action: Action
+) -> AddedFrame | None:
+    """Return what must be read before a target that the drive holds can be rendered for its trigger."""
+    if axis.passes_unchanged and axis.retained_as(number, words) is None:
+        return None
+    return read_for_run(request, axis, number, words, action)
+
+
 def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
     """Correct a staged target for its trigger; return the next frame that this takes.
 
@@ -167,24 +176,52 @@ def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
     check_may_act(meaning)
     known = request.known
     rendering = known.runs.get(name)
+    if rendering is None and (fixed := _fixed_run(meaning)) is not None:
+        rendering = known.runs[name] = fixed
     if rendering is None:
-        words = _staged_words(meaning)
+        words = staged_words(meaning)
         if words is None:
             return None
         assert meaning.number is not None
-        if not axis.passes_unchanged or axis.retained_as(meaning.number, words) is not None:
-            added = _read_for_run(request, axis, meaning.number, words, meaning.action)
-            if added is not None:
-                return added
-        rendering = _render_run(request, meaning, words)
+        added = read_for_staged(request, axis, meaning.number, words, meaning.action)
+        if added is not None:
+            return added
+        rendering = render_run(request, axis, meaning.number, words, meaning.action)
         if rendering is None:
             return None
         known.runs[name] = rendering
+    return restage_for_run(axis, rendering)
+
+
+def restage_for_run(axis: Axis, rendering: Rendering) -> AddedFrame | None:
+    """Return the next write by which the drive comes to hold the words that its trigger runs, if any (M2).
+
+    Raises:
+        RefusedRequestError: the target has to be written anew and must not be.
+    """
     is_as_written = rendering.corrected_words == rendering.nominal_words
     may_be_corrected = axis.fields[rendering.number].may_be_corrected
     if axis.passes_unchanged and is_as_written and not may_be_corrected:
         return None
     return _restage(axis, rendering)
+
+
+def _fixed_run(meaning: Meaning) -> Rendering | None:
+    """Return what the first trigger of its group has made of the target that this one runs (M11).
+
+    Unless the axis was given another one since, or has been moved by something else.
+    """
+    axis, fixed = meaning.axis, meaning.axis.fixed
+    run = None if fixed is None or fixed.has_gone else fixed.run
+    if fixed is None or run is None or run.number != meaning.number:
+        return None
+    image = axis.fields[run.number]
+    is_same = image.nominal_words == run.nominal_words and not image.is_torn
+    is_held = (
+        is_same and run.is_distance is meaning.action.is_relative and image.holds(0, run.corrected_words)
+    )
+    is_there = axis.whereabouts is fixed.place or axis.whereabouts in TARGETED
+    return run if is_held and is_there else None
 
 
 def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
@@ -196,7 +233,7 @@ def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
     axis = meaning.axis
     check_may_act(meaning)
     if meaning.number is not None:
-        _staged_words(meaning)
+        staged_words(meaning)
     elif meaning.commands:
         return None
     number = axis.rules.staged if meaning.number is None else meaning.number
@@ -241,7 +278,7 @@ def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     return added
 
 
-def _staged_words(meaning: Meaning) -> bytes | None:
+def staged_words(meaning: Meaning) -> bytes | None:
     """Return the nominal words of the target that a trigger runs; None where it may pass without.
 
     Raises:
@@ -268,17 +305,21 @@ def _not_ours(axis: Axis) -> RefusedRequestError:
     )
 
 
-def _render_run(request: Request, meaning: Meaning, words: bytes) -> Rendering | None:
-    axis, number, name = meaning.axis, meaning.number, meaning.axis.plan.name
-    assert number is not None
+def render_run(request: Request, axis: Axis, number: int, words: bytes, action: Action) -> Rendering | None:
+    """Return what a staged target is for its trigger; None where it passes as it is.
+
+    Raises:
+        RefusedRequestError: it must not run.
+    """
     try:
-        if meaning.action.is_relative:
-            rendering = render_relative(request, axis, number, words, meaning.action)
+        if action.is_relative:
+            rendering = render_relative(request, axis, number, words, action)
             return rendering or as_it_came(axis, number)
         return render(axis, number, words, seen(request, axis))
     except RefusedPositionError as error:
         if axis.passes_unchanged:
             return None
+        name = axis.plan.name
         raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
 
 

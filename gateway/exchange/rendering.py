@@ -175,7 +175,7 @@ def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
         return False
     if needs_offset(axis):
         return True
-    if axis.wanted is NOTHING or not axis.is_referenced:
+    if axis.wanted is NOTHING or not axis.goes_as_referenced:
         return False
     accepted = axis.compensation.accepted
     if accepted is not None and accepted.nominal_counts == nominal_counts:

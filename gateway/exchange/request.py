@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final, NamedTuple
 
+from gateway.compensation.correction_spec import CorrectionSpec
 from gateway.compensation.readback import Readback
 from gateway.drives.motion import Action, Addressing
 from gateway.exchange.access import Access
@@ -54,6 +55,10 @@ class Known:
     """Axes whose reference was asked for."""
     runs: dict[str, Rendering] = field(default_factory=dict)
     """What a trigger runs, by axis: decided once for each request (M2)."""
+    peer_runs: dict[str, Rendering] = field(default_factory=dict)
+    """What the other axes of its group hold and have to run, by axis (M11)."""
+    decided_by: dict[str, tuple[bool, CorrectionSpec]] = field(default_factory=dict)
+    """What those were decided by: whether each axis goes as one that is referenced, and its correction."""
 
 
 NOTHING_KNOWN: Final = Known()

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
+from gateway.exchange.axis.beam import BeamState
 from gateway.exchange.axis.state import Actual
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.cut_status import cut_status
@@ -81,6 +82,7 @@ def axis_status(axis: Axis, now_ns: int) -> dict[str, Any]:
         "actual_age_s": None if actual is None else round((now_ns - actual.seen_ns) / NS_PER_S, 3),
         "writer": axis.hold.writer if axis.hold.is_held(now_ns) else None,
         "table": _table_status(axis),
+        "group": _group_status(axis, now_ns),
         "terms": None if axis.terms is None else axis.terms.status(axis, now_ns),
     }
 
@@ -112,6 +114,21 @@ def compensation_state(axis: Axis) -> str:
         return "outside"
     is_stream = axis.plan.settings.setpoints is Setpoints.STREAM
     return "blending" if is_stream and axis.compensation.is_blending else "active"
+
+
+def _group_status(axis: Axis, now_ns: int) -> dict[str, object] | None:
+    """Return what its group goes by (M11); None: it is in none."""
+    beam = axis.beam
+    if beam is None:
+        return None
+    fixed = None if beam.is_over(now_ns) else axis.fixed
+    return {
+        "state": BeamState.OPEN.value if fixed is None else beam.state.value,
+        "has_gone": fixed is not None and fixed.has_gone,
+        "is_put_off": fixed is not None and beam.has_put_off,
+        "is_skewed": beam.is_skewed,
+        "skew": beam.skew,
+    }
 
 
 def _table_status(axis: Axis) -> dict[str, object]:

@@ -88,6 +88,8 @@ def prepare(request: Request, *, has_stop: bool = False) -> Rewriting:
             rewriting.by_axis[name].runs.append(run)
     rewriting.complete()
     for axis, written in rewriting.written:
+        if axis.peers:
+            written.peer_runs = request.known.peer_runs
         for target in (*written.targets, *written.runs):
             written.epochs[target.number] = axis.fields[target.number].epoch
     if access.read_quantity:
@@ -541,16 +543,19 @@ def _foreseen(request: Request, meaning: Meaning, hit: FieldHit, words: bytes) -
     return words
 
 
+def may_run_distances(axis: Axis) -> bool:
+    """Whether a trigger of an axis may run what it holds as a distance."""
+    triggers = axis.plan.motion.triggers
+    return any(deed.action.is_relative for trigger in triggers for deed in trigger.deeds.values())
+
+
 def _expected(meaning: Meaning, number: int) -> tuple[Action, bool]:
     """Return how a staged target will probably be run, and whether that is certain enough to refuse it."""
     axis = meaning.axis
     motion = axis.plan.motion
     mode = motion.mode(number)
     if mode is None:
-        can_be_relative = any(
-            deed.action.is_relative for trigger in motion.triggers for deed in trigger.deeds.values()
-        )
-        return (axis.last_run, False) if can_be_relative else (Action.ABSOLUTE, True)
+        return (axis.last_run, False) if may_run_distances(axis) else (Action.ABSOLUTE, True)
     word = meaning.words.get(mode.address, axis.rules.word(mode.address))
     action = Action.UNKNOWN if word is None or mode.is_in_frame else mode.action(word)
     is_same_frame = mode.address in meaning.words

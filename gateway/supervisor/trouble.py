@@ -264,11 +264,25 @@ def _of_axis(name: str, axis: Mapping[str, Any], place: Place) -> Iterator[Troub
     if entry is not None:
         yield Trouble(entry, place, where, entry.meaning, its)
     yield from _of_rivals(name, axis.get("rivals"), place)
+    yield from _of_group(name, axis, place)
     if axis["latency"]["is_over_budget"]:
         what = f"the gateway takes longer than budget_us = {axis['latency']['budget_us']:g}"
         yield Trouble(kinds.OVER_BUDGET, place, where, what, its)
     for entry, what in _of_terms(axis.get("terms") or {}):
         yield Trouble(entry, place, where, what, its)
+
+
+def _of_group(name: str, axis: Mapping[str, Any], place: Place) -> Iterator[Trouble]:
+    group = axis.get("group")
+    if group is None:
+        return
+    if group["is_skewed"]:
+        skew = group["skew"]
+        by = "nobody knows by how much" if skew is None else f"by {skew:+.6g} {axis['units']}"
+        what = f"the axes of its group have not all gone: the beam is skewed, {by}"
+        yield Trouble(kinds.GROUP_SKEWED, place, f"axis {name}", what, (name,))
+    if group["is_put_off"]:
+        yield Trouble(kinds.GROUP_HELD, place, f"axis {name}", kinds.GROUP_HELD.meaning, (name,))
 
 
 def _of_rivals(name: str, rivals: Mapping[str, Any] | None, place: Place) -> Iterator[Trouble]:

@@ -98,6 +98,9 @@ def test_of_a_group_all_go_or_none() -> None:
     assert [axis.is_dry_run for axis in bench.line.axes] == [True, True]
     bench.memory.put(ACTUAL, 50_000)
     bench.ask(read(ACTUAL))
+    with pytest.raises(ControlError, match="one axis of its group has gone, and another one has not"):
+        bench.line.control(EndDryRun("y"), bench.now_ns)  # y would go corrected to where x stands 1:1
+    bench.wait(10_001)
     assert bench.line.control(EndDryRun("y"), bench.now_ns) == {"x": "next-target", "y": "next-target"}
 
 

@@ -453,3 +453,22 @@ def test_what_follows_from_a_trouble_never_hides_that() -> None:
         for effect in effects:
             assert cause not in HIDES.get(effect, ())
         assert set(effects) <= set(order)
+
+
+GROUP = {"state": "open", "has_gone": False, "is_put_off": False, "is_skewed": False, "skew": None}
+
+
+@pytest.mark.parametrize(
+    ("group", "kind", "what"),
+    [
+        ({"is_skewed": True, "skew": 10.0}, "group-skewed", "the beam is skewed, by +10 mm"),
+        ({"is_skewed": True}, "group-skewed", "the beam is skewed, nobody knows by how much"),
+        ({"is_put_off": True}, "group-held", "what was asked for since waits until all have"),
+    ],
+)
+def test_a_beam_that_has_not_all_gone_is_a_trouble(group: dict[str, object], kind: str, what: str) -> None:
+    found = model(with_axis(group=GROUP | group, units="mm"))
+    trouble = next(each for each in found["troubles"] if each["kind"] == kind)
+    assert trouble["axes"] == ["x"]
+    assert what in trouble["what"]
+    assert not [each for each in model(with_axis(group=GROUP))["troubles"] if "group" in each["kind"]]

@@ -318,6 +318,16 @@ def _small_staged(name: str, about: str, *plans: AxisPlan, **changes: Any) -> De
     return _small(name, about, *(plans or (_staged(),)), **(parts | changes))
 
 
+LOST_BETWEEN: Final = (
+    *ask("to", 0),
+    *ask("to", 0, axis=1),
+    *ask("run"),
+    ("homed_bit", 1),
+    *ask("status-wide", axis=1),
+    *ask("run", axis=1),
+    ("homed_bit", 1),
+    *ask("status-wide", axis=1),
+)
 STORED_PASS: Final = replace(STAGED, passes_stored_moves=True)
 TIME: Final = ("arrive", "wait")
 CLOSING: Final = (
@@ -678,6 +688,44 @@ CLOSING: Final = (
         menu=("to", "run"),
         groups=(("x", "y"),),
         happenings=("wait",),
+    ),
+    _small_staged(
+        "s-group-switch",
+        "a beam, switched between the triggers of its axes",
+        _staged(),
+        _staged(name="y", unit_id=2),
+        menu=("to", "run"),
+        groups=(("x", "y"),),
+        happenings=("switch",),
+        answers=("ack",),
+        is_answered=True,
+    ),
+    _small_staged(
+        "s-group-bit",
+        "a beam of which the homed bit of an axis falls between the triggers",
+        _staged(referenced=Reference.DRIVE_BIT, bits=BITS),
+        _staged(name="y", unit_id=2, referenced=Reference.DRIVE_BIT, bits=BITS),
+        menu=("to", "run", "status-wide"),
+        groups=(("x", "y"),),
+        happenings=("homed_bit", "arrive"),
+        answers=("ack",),
+        is_answered=True,
+        horizon_ticks=14,
+        judges_blocks=False,
+        checks_way_back=False,
+        ways=(LOST_BETWEEN,),
+    ),
+    _small(
+        "s-group-movers",
+        "a beam of drives that go as they are written, switched between two targets",
+        _plan(),
+        _plan(name="y", unit_id=2),
+        menu=("to",),
+        targets=(9007, 5003),
+        groups=(("x", "y"),),
+        happenings=("switch", "arrive"),
+        answers=("ack",),
+        is_answered=True,
     ),
     _small_staged(
         "s-group-refused",

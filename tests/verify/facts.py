@@ -334,7 +334,7 @@ def _read(world: "World", facts: Facts, plan: AxisPlan, wire: "Wire", reply: byt
     is_own = wire.owner < 0
     if is_own and "distance" in world.design.menu:
         return facts  # whether it stands
-    is_answer = reply[0] == 3 and len(reply) == 4
+    is_answer = reply[0] == 3 and len(reply) == 2 + 2 * (wire.pdu[3] << 8 | wire.pdu[4])
     word = reply[2] << 8 | reply[3] if is_answer else None
     if word is None and not is_own:
         return facts
@@ -411,6 +411,11 @@ def _is_mode(pdu: bytes) -> bool:
     return pdu[0] == 6 and pdu[1] << 8 | pdu[2] == MODE
 
 
+def is_other_motion(pdu: bytes) -> bool:
+    """Whether a frame stops an axis, or moves it otherwise than to a target."""
+    return _triggered(pdu) in OTHER_MOTIONS | {STOP, 999}
+
+
 def _is_run(pdu: bytes) -> bool:
     return _triggered(pdu) in (RUN, RUN_RELATIVE)
 
@@ -440,6 +445,11 @@ def why_no_bit(world: "World", number: int, *, is_target: bool, is_read: bool) -
     if facts.is_doubted or world.design.jog_is_jump or (is_target and is_old):
         return ""
     return "the bit was seen, and nothing has happened since"
+
+
+def is_found(world: "World", number: int) -> bool:
+    """Whether an axis knows where it is, as far as anybody has seen."""
+    return _of(world, number).is_found
 
 
 def has_to_ask(world: "World", number: int, *, is_target: bool) -> bool:

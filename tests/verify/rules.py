@@ -13,7 +13,7 @@ from gateway.modbus.pdu import is_exception
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, write
 from tests.exchange.staged_bench import COMMANDED, JOG, MODE, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER
-from tests.verify import facts
+from tests.verify import beams, facts
 from tests.verify.errors import BrokenRuleError
 
 if TYPE_CHECKING:
@@ -158,6 +158,9 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
         raise BrokenRuleError(f"sent after its controller had given it up: {pdu.hex(' ')} (2, W5)")
     reads_place = pdu[0] == 3 and (pdu[1] << 8 | pdu[2], 2) in READABLE
     moves_or_reads = pdu in RUNS or writes_target(pdu) or reads_place
+    if facts.is_other_motion(pdu):
+        beams.broken_off(world)
+    moves_or_reads &= not beams.is_fixed(world)
     if moves_or_reads and not request.is_bit_asked and facts.has_to_ask(world, number, is_target=pdu[0] != 3):
         raise BrokenRuleError(
             f"sent before the bit was read on which the reference hangs: {pdu.hex(' ')} (M9)"
@@ -249,7 +252,8 @@ def _judge_own_read(world: "World", number: int, pdu: bytes) -> None:
         raise BrokenRuleError(f"a read that nothing names: {pdu.hex(' ')} (W8)")
     waiting = [find(world, port, transaction_id) for port, transaction_id in world.state.order]
     has_trials = world.design.retry_ms > 0  # read as well before what is read then, and for its group (W11)
-    unsent = [each for each in waiting if not each.is_sent and (each.axis == number or has_trials)]
+    has_trials_or_peers = has_trials or bool(world.design.groups)  # the first of a beam asks for all (M11)
+    unsent = [each for each in waiting if not each.is_sent and (each.axis == number or has_trials_or_peers)]
     if not (unsent or world.state.is_starting):
         raise BrokenRuleError(f"a read for nothing: {pdu.hex(' ')} (W8)")
     if not (world.state.is_starting or has_trials):
@@ -371,6 +375,10 @@ def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
     why = f"a write that nobody has asked for: {shown} (2)"
     for port, transaction_id in world.state.order:
         request = find(world, port, transaction_id)
+        if not request.is_sent and request.axis != number and world.design.groups and request.pdu in RUNS:
+            why = _judge_peer_restaging(world, port, request, number, shown)
+            if not why:
+                return
         if request.is_sent or request.axis != number or not writes_target(pdu):
             continue
         belief = world.state.beliefs[port][number]
@@ -381,7 +389,7 @@ def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
             continue
         if world.state.beliefs[port][number].lost and not is_passing:
             why = f"a target that was lost is written anew: {shown} (4)"
-        elif request.restaged is not None:
+        elif request.restaged is not None and _is_still_in_force(world, number, request.restaged):
             why = f"the staged target was written anew twice: {shown} (2)"
         else:
             state = world.state
@@ -389,6 +397,25 @@ def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
             _replace(world, port, request._replace(restaged=in_force))
             return
     raise BrokenRuleError(why)
+
+
+def _is_still_in_force(world: "World", number: int, made_with: tuple[str, int, bool]) -> bool:
+    """Whether a target need not be written anew once more: of a group all go by what holds as they go."""
+    return not world.design.groups or made_with == beams.in_force(world, number)
+
+
+def _judge_peer_restaging(world: "World", port: int, request: "Asked", number: int, shown: str) -> str:
+    """Judge a write of the target of another axis, for the first trigger of its group (M11)."""
+    if beams.is_fixed(world):
+        return f"a target is written anew for another axis, and one has gone: {shown} (M11)"
+    found = beams.in_force(world, number)
+    if (number, found) in request.restaged_peers:
+        return f"the staged target of another axis was written anew twice: {shown} (2)"
+    if world.state.beliefs[port][number].lost and found[0] not in PASSING:
+        return f"a target that was lost is written anew: {shown} (4)"
+    others = tuple(each for each in request.restaged_peers if each[0] != number)
+    _replace(world, port, request._replace(restaged_peers=(*others, (number, found))))
+    return ""
 
 
 def _replace(world: "World", port: int, request: "Asked") -> None:
@@ -420,9 +447,14 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
         else:
             base = (axis.commanded_counts, False)
     run = axis.run
-    compensation, table, is_gain_half = request.restaged or (
-        world.said(number).compensation, state.table, state.is_gain_half,
-    )  # fmt: skip
+    if world.design.groups:
+        beams.leaves(world, number, belief.steps * world.design.step_counts)
+        state = world.state
+        compensation, table, is_gain_half = beams.in_force(world, number)
+    else:
+        compensation, table, is_gain_half = request.restaged or (
+            world.said(number).compensation, state.table, state.is_gain_half,
+        )  # fmt: skip
     if is_run and belief.lost == NEVER_WRITTEN and world.design.plans[number].motion.passes_stored_moves:
         is_lost, compensation = True, PASSED_STORED  # a position that the drive keeps
     target = belief.steps * world.design.step_counts
@@ -516,9 +548,10 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
     run = axis.run
     is_again = run is not None and run.nominal_counts == aim.nominal_counts and run.is_unsure
     is_again |= aim.tried is not None and aim.tried[0] == aim.nominal_counts
-    if run is not None and (
-        run.state in PASSING or ("declare" in world.design.happenings and not run.is_told)
-    ):
+    has_lost = ("declare" in world.design.happenings and run is not None and not run.is_told) or (
+        "homed_bit" in world.design.happenings
+    )
+    if run is not None and (run.state in PASSING or has_lost):
         # The same words as before the reference was lost, or found: no reading tells (M4).
         is_again |= run.nominal_counts == aim.nominal_counts
     may_fail = world.design.refuses_reads or world.design.answers_before
@@ -777,6 +810,7 @@ def _is_native(sent: bytes, reply: bytes) -> bool:
 def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     """Take note of what the drive has answered, before its controller sees it."""
     _note_answer(world, wire, reply)
+    beams.ended(world, wire, is_native=_is_native(wire.pdu, reply))
     if wire.pdu[0] == 3 and wire.pdu[1:3] == MODE_HEAD[1:] and _is_native(wire.pdu, reply):
         know_rules(world, facts.number_of(world, wire.unit_id))
     is_read = wire.pdu[0] == 3 and _is_native(wire.pdu, reply)
@@ -957,6 +991,7 @@ def _forget(world: "World", number: int, wire: "Wire", *, was_told: bool = False
 
 def note_silence(world: "World", wire: "Wire") -> None:
     """Take note of a frame that was not answered in time."""
+    beams.ended(world, wire, is_native=False)
     number = facts.number_of(world, wire.unit_id)
     before = world.state.axes[number].run
     was_told = before is not None and before.is_told
@@ -1171,6 +1206,8 @@ def _judge_refusal(world: "World", port: int, request: "Asked", pdu: bytes, *, i
     axis, plan = world.design.plans[request.axis], world.design.controllers[port]
     is_blocked = request.pdu in RUNS and facts.is_own_blocked(world, request.axis)
     is_late = axis.late is Late.REJECT and (_is_late(world, request) or is_blocked)
+    if request.pdu == RUN_PDU and not is_own:
+        beams.refused(world, port, request.axis)
     if request.pdu == RUN_PDU and pdu[1] == LOST and not is_own:
         _judge_refused_run(world, request)
     if axis.deadline_ms and not is_own and pdu[1] == BUSY and not is_late:
@@ -1362,8 +1399,8 @@ def judge_direction(world: "World", number: int, said: "Said") -> None:
         raise BrokenRuleError(f"a distance was lost and runs, and it is said: {said.direction} (8, M5)")
     if run is None or not run.is_told or run.is_unsure or run.state != "active" or world.design.is_stream:
         return
-    if axis.next_run is not None:
-        return  # it goes on from there
+    if axis.next_run is not None or "homed_bit" in world.design.happenings:
+        return  # it goes on from there; or its reference was lost and found where it stands
     if said.compensation != "active" or axis.stands_counts != run.end_counts or axis.goes_counts is not None:
         return
     is_same = (run.table, run.is_gain_half) == (world.state.table, world.state.is_gain_half)

@@ -114,6 +114,10 @@ NOT_COMPARED: Final = {
     "frame": "what the bytes of a request say: they are compared",
     "frames": "the same",
     "early_ns": "figures of an exchange",
+    "led_by": "of a group: only told",
+    "has_put_off": "the same",
+    "is_skewed": "the same",
+    "skew": "the same",
 }
 """Attributes that are put back and not compared, by name."""
 NEEDS: Final[dict[str, Callable[[Any], bool]]] = {

@@ -133,6 +133,7 @@ def test_the_lists_of_what_is_left_out_name_only_what_there_is() -> None:
         (BY_NAME["b-rtu"], (TO_0, ACK, ACK)),
         (BY_NAME["b-rtu-cut"], (("ask", 0, "read", 0), ACK, ("half", 0, "read", 0), ("lead",), ("tail",))),
         (BY_NAME["s-silent"], (TO_0, ("wait",))),
+        (BY_NAME["s-group"], (TO_0, ACK)),
     ):
         world = world_of(design)
         for event in events:

@@ -49,7 +49,8 @@ from tests.exchange.staged_bench import (
     TRIGGER,
     ZERO,
 )
-from tests.verify import facts, rules
+from tests.verify import beams, facts, rules
+from tests.verify.beams import Beam
 from tests.verify.errors import BrokenRuleError
 from tests.verify.facts import Facts
 from tests.verify.rules import BOTH, LIMIT, LIMIT_COUNTS, MASK, OLD_TICKS, PATIENCE_TICKS, WARM
@@ -216,6 +217,8 @@ class Asked(NamedTuple):
     transaction_id: int
     is_sent: bool = False
     ticks: int = 0
+    restaged_peers: tuple[tuple[int, tuple[str, int, bool]], ...] = ()
+    """The same of the other axes of its group, for the first trigger of which that is done (M11)."""
     restaged: tuple[str, int, bool] | None = None
     """What was in force when its target was written anew for it: state of the compensation, table, half a
     gain. With that it runs, whatever is changed before it has left."""
@@ -379,6 +382,8 @@ class State(NamedTuple):
     """The unit id and the rest of a reply of which a part has come."""
     reply_come: int = 0
     """How many bytes of that reply have come, where replies are cut through."""
+    beam: Beam | None = None
+    """What the first trigger of its group has fixed."""
     owed: tuple[tuple[str, str], ...] = ()
     """Axis and event that is told with the next answer."""
     is_cut_off: bool = False
@@ -739,6 +744,8 @@ class World:
             return write(LIMIT, LIMIT_COUNTS)
         if name == "limit-low":
             return b"\x06" + LIMIT.address.to_bytes(2, "big") + LIMIT.pack(LIMIT_COUNTS)[:2]
+        if name == "status-wide":
+            return b"\x03" + STATUS.to_bytes(2, "big") + b"\0\x02"
         if name == "status":
             return b"\x03" + STATUS.to_bytes(2, "big") + b"\0\x01"
         if name == "remap":
@@ -1027,7 +1034,13 @@ class World:
     def _on_homed(self, number: int) -> None:
         self._set(number, self.state.axes[number]._replace(is_homed=True, is_done=True))
 
+    def _on_homed_bit(self, number: int) -> None:
+        """The homed bit of a drive falls, or rises, by itself."""
+        axis = self.state.axes[number]
+        self._set(number, axis._replace(is_homed=not axis.is_homed))
+
     def _on_unplug(self) -> None:
+        beams.broken_off(self)
         self.state = self.state._replace(is_up=False, owed_stops=0, given_up=())
         rules.end_hush(self)  # the whole line is silent when it comes up
         self._forget_runs()
@@ -1101,6 +1114,7 @@ class World:
 
     def _restart(self, *, is_record_kept: bool, is_whole: bool = True) -> None:
         """``is_whole``: every axis has the record that was written last (else none of a group counts)."""
+        beams.broken_off(self)
         wire = self.state.wire
         is_clean = (self.state.table, self.state.is_gain_half, self.state.is_wanted) == (0, False, True)
         rules.end_hush(self)
@@ -1481,6 +1495,7 @@ OF_AXIS: Final[dict[str, Callable[[Axis], bool]]] = {
         and axis.run is not None
         and axis.stands_counts == axis.run.end_counts
     ),
+    "homed_bit": lambda axis: True,
     "nudge": lambda axis: (
         axis.goes_counts is None and axis.run is not None and axis.stands_counts == axis.run.end_counts
     ),

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from enum import Enum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from gateway.compensation.moves import SteadyMove
 from gateway.compiled import mypyc_attr
@@ -226,6 +226,9 @@ class Part(NamedTuple):
     """Empty where a mask changes one word."""
 
 
+NO_RUNS: Final[Mapping[str, Rendering]] = {}
+
+
 class AxisRequest:
     """What one request does to one axis, as it was sent."""
 
@@ -239,6 +242,7 @@ class AxisRequest:
         "goes_unknown",
         "is_uncorrected",
         "parts",
+        "peer_runs",
         "reads_too",
         "remaps",
         "runs",
@@ -278,6 +282,8 @@ class AxisRequest:
         """The axis goes somewhere nobody knows: a distance passed unchanged."""
         self.is_uncorrected = False
         """It goes there beside a stop of another axis, with words that were not corrected for it."""
+        self.peer_runs: Mapping[str, Rendering] = NO_RUNS
+        """What the other axes of its group hold and have to run, by their names (M11)."""
         self.remaps = False
         """It writes a register that moves other registers about."""
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
+from gateway.exchange.axis.beam import Beam
 from gateway.exchange.axis.transitions import Axis
 
 
@@ -11,8 +12,9 @@ def join(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
     by_name = {axis.plan.name: axis for axis in axes}
     for names in groups:
         members = [by_name[name] for name in names if name in by_name]
+        beam = Beam()
         for axis in members:
-            axis.join(tuple(other for other in members if other is not axis))
+            axis.join(tuple(other for other in members if other is not axis), beam)
 
 
 def join_terms(axes: Iterable[Axis]) -> None:

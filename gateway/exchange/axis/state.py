@@ -280,6 +280,29 @@ class Retained(NamedTuple):
     """When the last actual position before the loss was asked for: only a later one proves anything."""
 
 
+class Fixed(NamedTuple):
+    """What the first trigger of its group has fixed of one axis (``axis.beam``)."""
+
+    is_referenced: bool
+    """Whether its positions meant something."""
+    place: Whereabouts
+    """Where it was."""
+    nominal_counts: float | None
+    """Where its controller took it to be; None: nobody knew."""
+    run: Rendering | None
+    """The target that it held, as it has to run it; None: it held none that was complete, or is the first."""
+    has_gone: bool = False
+    missing: int = 0
+    """The words of its target that have not come since it went, a bit for each: a drive that goes as it is
+    written may be given them one by one."""
+    part_ns: int = 0
+    """When the newest of them came."""
+    was_lost: bool = False
+    """Its reference was lost since, be it found again by now."""
+    has_other_correction: bool = False
+    """Table, gain or switch were changed since."""
+
+
 class AxisState:
     """What is known of one axis, and the questions that can be asked of it. See the module."""
 
@@ -297,10 +320,12 @@ class AxisState:
         "epoch",
         "events",
         "fields",
+        "fixed",
         "has_branches",
         "has_rules",
         "heard_ns",
         "hold",
+        "holds_unrun",
         "homing_since_ns",
         "hunting",
         "is_alarmed",
@@ -357,6 +382,8 @@ class AxisState:
         self.waits_for_peers = False
         """Another axis of its group is not referenced (M11)."""
         self.switched = Switched.ON
+        self.fixed: Fixed | None = None
+        """What counts in place of reference and switch until its group has gone (M11); None: nothing does."""
         # --- where it is
         self.whereabouts = Whereabouts.UNKNOWN
         self.said = Said.NOTHING
@@ -395,6 +422,8 @@ class AxisState:
         """Exception code of the target that was lost; its triggers are refused with it."""
         self.blocked_in_epoch = 0
         """The epoch that began with the loss for which triggers were blocked last."""
+        self.holds_unrun = False
+        """A target was written since a trigger ran one."""
         self.epoch = 0
         """Goes up with each target and mode that is lost: what was sent before makes up for none."""
         self.last_run = Action.ABSOLUTE
@@ -428,6 +457,12 @@ class AxisState:
         """Whether the axis, and every axis of its group, knows where it is, as far as one can tell."""
         reference = self.reference
         return (reference is _FOUND or reference is _FOUND_IN_DOUBT) and not self.waits_for_peers
+
+    @property
+    def goes_as_referenced(self) -> bool:
+        """Whether its next target goes as that of an axis that knows where it is (M11)."""
+        fixed = self.fixed
+        return self.is_referenced if fixed is None else fixed.is_referenced
 
     @property
     def follows_homed_bit(self) -> bool:
@@ -471,9 +506,10 @@ class AxisState:
     def needs_reference(self, now_ns: int, *, is_target: bool) -> bool:
         """Whether the homed bit has to be read before this axis's positions pass.
 
-        A stream of setpoints is not held up for an old bit while the axis is referenced.
+        A stream of setpoints is not held up for an old bit while the axis is referenced. Nor is anything of a
+        group of which one axis has gone: its reference is fixed.
         """
-        if not self.may_read:
+        if not self.may_read or self.fixed is not None:
             return False
         is_stream = self.plan.settings.setpoints is Setpoints.STREAM
         before_target = is_target and not (is_stream and self.is_referenced)

@@ -19,6 +19,7 @@ from gateway.compensation.moves import Accepted, Move, State
 from gateway.compensation.readback import Fade, Readback
 from gateway.compensation.settings import AxisSettings
 from gateway.drives.motion import Action
+from gateway.exchange.axis.beam import Beam, BeamEvent
 from gateway.exchange.axis.events import (
     AxisRequest,
     BlockEvent,
@@ -42,7 +43,7 @@ from gateway.exchange.axis.record import (
     state_of,
 )
 from gateway.exchange.axis.record_layout import Remembered, RememberedMove
-from gateway.exchange.axis.registers import Loss
+from gateway.exchange.axis.registers import JOIN_NS, Loss
 from gateway.exchange.axis.state import (
     AT_REST,
     HOMING,
@@ -55,6 +56,7 @@ from gateway.exchange.axis.state import (
     Actual,
     AxisState,
     Block,
+    Fixed,
     OnWire,
     Referenced,
     Rendering,
@@ -227,13 +229,15 @@ BLOCK_AFTER: Final[dict[tuple[Block, BlockEvent], Block]] = {
 class Axis(AxisState):
     """An axis on its line: its state, and what can happen to it."""
 
-    __slots__ = ("peers", "record", "terms")
+    __slots__ = ("beam", "peers", "record", "terms")
 
     def __init__(self, plan: AxisPlan) -> None:
         super().__init__(plan)
         self.terms = Terms(plan) if plan.thermal or plan.cross else None
         self.peers: tuple[Axis, ...] = ()
         """The other axes of its group (M11)."""
+        self.beam: Beam | None = None
+        """What the first trigger of its group has fixed; one for all of its axes."""
         self.record: Record | None = None
         """What is kept of it for the next run of the gateway."""
         self.reference = REFERENCE_AT_START[plan.referenced]
@@ -321,6 +325,8 @@ class Axis(AxisState):
 
     def _lose_reach(self) -> None:
         """The drive cannot be seen: what it holds and where its axis is has to be found out anew."""
+        if self.beam is not None:
+            self._group_happens(BeamEvent.ENDED)
         retained = self.retained_target
         self._happens(Happening.DISPLACED if retained is None else Happening.OUT_OF_REACH)
         self.retained = retained
@@ -346,6 +352,13 @@ class Axis(AxisState):
         is_referenced = self.is_referenced
         if is_referenced is was_referenced:
             return
+        if self.fixed is not None:
+            self._put_off(self.fixed._replace(was_lost=self.fixed.was_lost or not is_referenced))
+            return
+        self._take_reference(is_referenced=is_referenced)
+
+    def _take_reference(self, *, is_referenced: bool) -> None:
+        """Let positions mean something from now on, or nothing."""
         retained = self.retained_target
         if self.compensation.is_stream:
             self.displace(keeps_branch=True)  # a stream keeps its offset
@@ -403,10 +416,154 @@ class Axis(AxisState):
         self.waits_for_peers = waits
         self._follow_reference(was_referenced=was_referenced)
 
-    def join(self, peers: "tuple[Axis, ...]") -> None:
+    def join(self, peers: "tuple[Axis, ...]", beam: Beam) -> None:
         """Be one of a group from now on."""
-        self.peers = peers
+        self.peers, self.beam = peers, beam
         self.follow_group()
+
+    # --- what the first trigger of its group fixes (M11) -----------------------------------------------
+
+    def settle_group(self, now_ns: int) -> None:
+        """Bring its group up to date: one reference for all, and no decision of before that has ended."""
+        if self.beam is None:
+            return
+        self.follow_group()
+        if self.beam.is_over(now_ns):
+            self._group_happens(BeamEvent.EXPIRED)
+        elif self.beam.is_under_way and self._is_group_through(now_ns):
+            self._group_happens(BeamEvent.WHOLE)
+
+    def begin_group_anew(self) -> None:
+        """It has gone, and is given another target before the others of its group went: a new round."""
+        self._group_happens(BeamEvent.AGAIN)
+
+    def is_joined(self, first: int, count: int, now_ns: int) -> bool:
+        """Whether words of a target, from its word ``first`` on, belong to that with which it went."""
+        fixed = self.fixed
+        if fixed is None or now_ns - fixed.part_ns > JOIN_NS:
+            return False
+        words = (1 << count) - 1 << first
+        return fixed.missing & words == words
+
+    def _group_happens(self, event: BeamEvent) -> None:
+        """Go on to the state that the table says; with ``OPEN`` what was put off comes into force."""
+        assert self.beam is not None
+        if self.beam.happens(event):
+            for member in (self, *self.peers):
+                member.release()
+
+    def fix(self, run: Rendering | None) -> None:
+        """Its group goes: reference and correction are what they are now, until nothing is fixed any more."""
+        accepted, actual = self.compensation.accepted, self.actual
+        nominal_counts = None if accepted is None else accepted.nominal_counts
+        if nominal_counts is None and actual is not None:
+            nominal_counts = self.nominal_of(actual.counts)
+        self.fixed = Fixed(self.goes_as_referenced, self.whereabouts, nominal_counts, run)
+
+    def release(self) -> None:
+        """What was put off comes into force: as ever, with the next different target."""
+        fixed, self.fixed = self.fixed, None
+        if fixed is None:
+            return
+        if fixed.has_other_correction:
+            self._choose_correction()
+        if fixed.is_referenced and (fixed.was_lost or not self.is_referenced):
+            self._take_reference(is_referenced=False)
+        if self.is_referenced and (fixed.was_lost or not fixed.is_referenced):
+            self._take_reference(is_referenced=True)
+        self._want()
+
+    def _put_off(self, fixed: Fixed) -> None:
+        """Note what has to wait until nothing is fixed any more."""
+        assert self.beam is not None
+        self.fixed = fixed
+        self.beam.put_off()
+
+    def _leave_in_group(self, request: AxisRequest, now_ns: int) -> None:
+        """A request leaves to an axis of a group: it fixes what all go by, or goes by that, or ends it."""
+        beam, command = self.beam, request.command
+        if beam is None:
+            return
+        if command is not None and command.action in MOVES_OTHERWISE:
+            self._group_happens(BeamEvent.ENDED)
+        elif request.targets or request.runs or (command is not None and command.action.runs_target):
+            if beam.is_open:
+                beam.fix(self.plan.name, now_ns)
+                for member in (self, *self.peers):
+                    member.fix(None if member is self else request.peer_runs.get(member.plan.name))
+            elif beam.has_put_off and self.fixed is not None and not self.fixed.has_gone:
+                detail = f"it goes as {beam.led_by} has gone; what was asked for since comes into force then"
+                self.tell(EventKind.GROUP_HELD, detail)
+            self._group_happens(BeamEvent.LEFT)
+
+    def _end_in_group(self, request: AxisRequest, outcome: Outcome, code: int, now_ns: int) -> None:
+        """A request to an axis of a group has ended: it has gone, was refused, or was given a target."""
+        command, fixed = request.command, self.fixed
+        if fixed is None:
+            return
+        if request.targets or request.runs or (command is not None and command.action.runs_target):
+            if outcome is Outcome.ACKNOWLEDGED or outcome is Outcome.BROADCAST:
+                missing = self._missing_words(request, fixed, now_ns)
+                self.fixed = fixed._replace(has_gone=True, missing=missing, part_ns=now_ns if missing else 0)
+                is_whole = self._is_group_through(now_ns)
+                self._group_happens(BeamEvent.WHOLE if is_whole else BeamEvent.WENT)
+            else:
+                self._note_skew(code)
+                self._group_happens(BeamEvent.REFUSED)
+        elif fixed.has_gone and command is not None and outcome is Outcome.ACKNOWLEDGED:
+            is_distance = self.last_run.is_relative
+            if any(is_distance or not self._holds_target(number) for number in command.written):
+                self._group_happens(BeamEvent.AGAIN)
+
+    def _missing_words(self, request: AxisRequest, fixed: Fixed, now_ns: int) -> int:
+        """Return which words of a target have not come yet, of a drive that goes to each part of one."""
+        missing = 0
+        for part in request.parts:
+            if part.first >= 0:
+                count = len(part.words) // 2
+                is_joined = self.is_joined(part.first, count, now_ns)
+                all_words = (1 << max(field.words for field in self.plan.command)) - 1
+                missing = (fixed.missing if is_joined else all_words) & ~((1 << count) - 1 << part.first)
+        return missing
+
+    def _is_group_through(self, now_ns: int) -> bool:
+        """Whether each axis of its group has gone, and no word of its target is to come."""
+        for member in (self, *self.peers):
+            fixed = member.fixed
+            if fixed is None or not fixed.has_gone:
+                return False
+            if fixed.missing and now_ns - fixed.part_ns <= JOIN_NS:
+                return False
+        return True
+
+    def _note_skew(self, code: int) -> None:
+        """It is refused after another axis of its group has gone: nothing of ours stops that one (M3)."""
+        beam, fixed = self.beam, self.fixed
+        if beam is None or not beam.is_under_way or fixed is None or fixed.has_gone:
+            return
+        skew: float | None = 0.0
+        gone = [member for member in self.peers if member.fixed is not None and member.fixed.has_gone]
+        for member in gone:
+            way = member.way_in_group
+            if way is None or skew is None:
+                skew = None
+            elif abs(way) > abs(skew):
+                skew = way
+        if skew == 0.0:
+            return  # nothing has moved
+        beam.skew_by(skew)
+        names, units = " and ".join(member.plan.name for member in gone), self.plan.settings.units.value
+        by = "by a way that nobody knows" if skew is None else f"by {skew:+.6g} {units}"
+        detail = f"{names} has gone, and its own target was refused (exception {code:#04x}): skewed {by}"
+        self.tell(EventKind.GROUP_SKEWED, detail)
+
+    @property
+    def way_in_group(self) -> float | None:
+        """How far it was sent since its group began to go, in units; None: nobody knows."""
+        fixed, accepted = self.fixed, self.compensation.accepted
+        if fixed is None or fixed.nominal_counts is None or accepted is None:
+            return None
+        return (accepted.nominal_counts - fixed.nominal_counts) / self.plan.settings.counts_per_unit
 
     @property
     def blocked_by(self) -> int | None:
@@ -423,7 +580,15 @@ class Axis(AxisState):
 
     # --- what correction is wanted ---------------------------------------------------------------------
 
+    def _want(self) -> None:
+        """Ask for what its table says, where its positions mean something and nothing else is fixed."""
+        if self.is_referenced and self.fixed is None:
+            self.compensation.want(self.wanted)
+
     def _choose_correction(self) -> None:
+        if self.fixed is not None:
+            self._put_off(self.fixed._replace(has_other_correction=True))
+            return
         self.base = NOTHING
         self.has_branches = False
         if self.switched is Switched.ON and self.plan.table is not None:
@@ -439,8 +604,7 @@ class Axis(AxisState):
         if self.switched is not Switched.ENDED:
             self.switched = Switched.ON if is_wanted else Switched.OFF
         self._choose_correction()
-        if self.is_referenced:
-            self.compensation.want(self.wanted)
+        self._want()
 
     @property
     def why_not_at_rest(self) -> str:
@@ -475,15 +639,13 @@ class Axis(AxisState):
         self.compensation.end_dry_run()
         if self.plan.actual:
             self._happens(Happening.THERE)  # else it could not end; so whoever is seen away has been moved
-        if self.is_referenced:
-            self.compensation.want(self.wanted)
+        self._want()
 
     def adopt(self, plan: AxisPlan) -> None:
         """Go on with another table or gain; comes into force as in :meth:`enable`."""
         self.plan = plan
         self._choose_correction()
-        if self.is_referenced:
-            self.compensation.want(self.wanted)
+        self._want()
 
     def limit(self, plan: AxisPlan, settings: AxisSettings) -> None:
         """Go on with other limits, from now on."""
@@ -495,6 +657,8 @@ class Axis(AxisState):
         if self.switched is Switched.ENDED:
             return
         self.tell(EventKind.COMPENSATION_ENDED, REMAPPED)
+        if self.beam is not None:
+            self._group_happens(BeamEvent.ENDED)
         self.switched = Switched.ENDED
         self._choose_correction()
         self.forget()
@@ -506,8 +670,7 @@ class Axis(AxisState):
         assert terms is not None
         if terms.follow(self.base, self.plan, now_ns):
             self.wanted = terms.on(self.base, self.plan)
-            if self.is_referenced:
-                self.compensation.want(self.wanted)
+            self._want()
         self.tell_terms(now_ns)
 
     def tell_terms(self, now_ns: int) -> None:
@@ -759,12 +922,13 @@ class Axis(AxisState):
 
     # --- a request -------------------------------------------------------------------------------------
 
-    def send(self, request: AxisRequest) -> bool:
+    def send(self, request: AxisRequest, now_ns: int) -> bool:
         """A request goes out next: keep what must be known if nobody lives to see the reply.
 
         Returns:
             Whether it means something that the register map does not know.
         """
+        self._leave_in_group(request, now_ns)
         for rendering in (*request.targets, *request.runs):
             self.send_target(rendering)
         command = request.command
@@ -792,6 +956,7 @@ class Axis(AxisState):
         else:
             self._not_obeyed(request, outcome, code, now_ns)
         self.conclude()
+        self._end_in_group(request, outcome, code, now_ns)
         if request.remaps:
             for axis in (self, *self.peers):
                 axis.end()
@@ -817,6 +982,8 @@ class Axis(AxisState):
         rules.doubt(dict.fromkeys(command.unclear_words, 0), {})
         for number in command.written:
             rules.stage(number)
+        if command.written or action.runs_target:
+            self.holds_unrun = not action.runs_target
         if action.runs_target:
             self._reference_happens(ReferenceEvent.OTHER_MOTION)
             self.last_run = action
@@ -902,6 +1069,8 @@ class Axis(AxisState):
         """A request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
         self._lose(parts, loss, arrived_ns, follows_ns, arrived_ns)
         if command is not None:
+            if command.action.runs_target:
+                self._note_skew(code)
             self._block_for(command, code)
 
     @staticmethod

@@ -1,0 +1,153 @@
+"""What the first trigger of a group fixes for every axis of it, until each has gone (M11).
+
+Theory of operation
+===================
+
+The axes of a group carry one beam, and their controller starts them one after the other: with a trigger each,
+or with a target each where a drive goes as it is written. Whatever changes between the first of these frames
+and the last would send one drive corrected and another one 1:1, and skew the beam by the correction. To
+refuse the later ones would skew it by the whole way. So the first one decides for all: switch, table, gain
+and reference of each axis stay as they were when it left, until
+
+- each axis has gone (what is put off comes into force then, as ever with the next different target),
+- one that has gone is given another target: a new round begins, and with it a new decision,
+- one is stopped, or moved in another way, or its drive cannot be reached,
+- :data:`LONGEST_NS` have passed.
+
+An axis that has not gone yet may have its target written anew: it still goes by what was fixed, for the
+others stand or go by that. That is also how a beam is levelled of which a later trigger was refused (M3).
+
+The machine is :class:`Beam`, one for each group: its state, and the data that goes with it. What was fixed of
+each axis is its ``fixed`` (:class:`~gateway.exchange.axis.state.Fixed`), there exactly while the state is not
+``OPEN``. ``Axis`` (``transitions``) puts both into force, and nothing else does.
+"""
+
+from enum import Enum
+from typing import Final
+
+from gateway.times import NS_PER_S
+
+LONGEST_NS: Final = 10 * NS_PER_S
+"""After so long a decision ends: a trigger that has not come by then belongs to another move."""
+
+
+class BeamState(Enum):
+    """Whether what is asked for of a group is in force, or what its first trigger has fixed."""
+
+    __hash__ = object.__hash__
+
+    OPEN = "open"
+    """What is asked for is in force; the next trigger of one of the axes fixes it."""
+    SENT = "sent"
+    """The first trigger is on its way to the drive."""
+    UNDER_WAY = "under-way"
+    """One has gone at least, and one has not."""
+
+
+class BeamEvent(Enum):
+    """What decides whether something is fixed."""
+
+    __hash__ = object.__hash__
+
+    LEFT = "left"
+    """A frame that makes an axis go to its target leaves."""
+    WENT = "went"
+    """It was acknowledged, or broadcast, and another axis has not gone yet."""
+    WHOLE = "whole"
+    """The same, and each axis has gone."""
+    REFUSED = "refused"
+    """It was refused, or nobody knows whether it was obeyed: M3 holds."""
+    AGAIN = "again"
+    """An axis that has gone is given another target."""
+    ENDED = "ended"
+    """An axis is stopped, moved in another way, or cannot be reached."""
+    EXPIRED = "expired"
+    """``LONGEST_NS`` have passed."""
+
+
+_OPEN: Final = BeamState.OPEN
+_SENT: Final = BeamState.SENT
+_UNDER_WAY: Final = BeamState.UNDER_WAY
+
+BEAM_AFTER: Final[dict[BeamState, dict[BeamEvent, BeamState]]] = {
+    BeamState.OPEN: {
+        BeamEvent.LEFT: _SENT,
+        BeamEvent.WENT: _OPEN,
+        BeamEvent.WHOLE: _OPEN,
+        BeamEvent.REFUSED: _OPEN,
+        BeamEvent.AGAIN: _OPEN,
+        BeamEvent.ENDED: _OPEN,
+        BeamEvent.EXPIRED: _OPEN,
+    },
+    BeamState.SENT: {
+        BeamEvent.LEFT: _SENT,  # two axes in one frame
+        BeamEvent.WENT: _UNDER_WAY,
+        BeamEvent.WHOLE: _OPEN,
+        BeamEvent.REFUSED: _OPEN,  # none has gone, and none goes before the target of this one came again
+        BeamEvent.AGAIN: _SENT,
+        BeamEvent.ENDED: _OPEN,
+        BeamEvent.EXPIRED: _SENT,  # its answer, or its silence, comes first
+    },
+    BeamState.UNDER_WAY: {
+        BeamEvent.LEFT: _UNDER_WAY,
+        BeamEvent.WENT: _UNDER_WAY,
+        BeamEvent.WHOLE: _OPEN,
+        BeamEvent.REFUSED: _UNDER_WAY,  # once its target came again it goes by what was fixed
+        BeamEvent.AGAIN: _OPEN,
+        BeamEvent.ENDED: _OPEN,
+        BeamEvent.EXPIRED: _OPEN,
+    },
+}
+"""What each event makes of each state, complete."""
+
+
+class Beam:
+    """Whether the axes of one group go by a decision of before, since when, and by whose trigger."""
+
+    __slots__ = ("has_put_off", "is_skewed", "led_by", "since_ns", "skew", "state")
+
+    def __init__(self) -> None:
+        self.state = BeamState.OPEN
+        self.led_by = ""
+        """The axis whose trigger has fixed it."""
+        self.since_ns = 0
+        """When that left."""
+        self.has_put_off = False
+        """Something else was asked for since, or a reference came or went."""
+        self.is_skewed = False
+        """A later one was refused after the first had gone, and they have not all gone together since."""
+        self.skew: float | None = None
+        """By how much, in units; None: nobody knows."""
+
+    def happens(self, event: BeamEvent) -> bool:
+        """Go on to the state that the table says; return whether nothing is fixed any more by that."""
+        before, self.state = self.state, BEAM_AFTER[self.state][event]
+        if event is BeamEvent.WHOLE:
+            self.is_skewed, self.skew = False, None
+        return before is not _OPEN and self.state is _OPEN
+
+    def fix(self, led_by: str, now_ns: int) -> None:
+        """The first trigger leaves: what was asked for until now is what counts."""
+        self.led_by, self.since_ns, self.has_put_off = led_by, now_ns, False
+
+    def put_off(self) -> None:
+        """Something has to wait until nothing is fixed any more."""
+        self.has_put_off = True
+
+    def skew_by(self, skew: float | None) -> None:
+        """A later trigger was refused: the beam is skewed by so much."""
+        self.is_skewed, self.skew = True, skew
+
+    @property
+    def is_open(self) -> bool:
+        """Whether nothing is fixed: the next trigger is a first one."""
+        return self.state is _OPEN
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether one has gone at least, and one has not."""
+        return self.state is _UNDER_WAY
+
+    def is_over(self, now_ns: int) -> bool:
+        """Whether a decision has lasted as long as one may."""
+        return self.state is _UNDER_WAY and now_ns - self.since_ns > LONGEST_NS

@@ -1,0 +1,617 @@
+"""What the first trigger of a group fixes for all of its axes (M11).
+
+10 counts more going forward, 10 less going backward (``line_bench.LOST_MOTION``): 50 000 is told as 50 010.
+"""
+
+from typing import Any, Final
+
+import pytest
+
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.exchange.axis.beam import BEAM_AFTER, BeamEvent, BeamState
+from gateway.exchange.control import ClearTable, ControlError, EndDryRun, SetTables, TableChange
+from gateway.exchange.plan import CompensationMode, Reference
+from tests.exchange.beam_bench import BeamBench
+from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, stream_plan, write
+from tests.exchange.staged_bench import (
+    BITS,
+    HOME_PDU,
+    RUN_PDU,
+    RUN_RELATIVE_PDU,
+    STATUS,
+    STOP_PDU,
+    ZERO_PDU,
+    staged_plan,
+)
+
+STATES: Final = {"o": BeamState.OPEN, "s": BeamState.SENT, "u": BeamState.UNDER_WAY}
+WALK: Final = """
+          o s u
+left      s s u
+went      o u u
+whole     o o o
+refused   o o u
+again     o s o
+ended     o o o
+expired   o s o
+"""
+"""By hand, from M11."""
+
+
+def test_the_table_of_a_group_is_what_the_rule_says() -> None:
+    head, *rows = WALK.strip("\n").splitlines()
+    found: dict[BeamState, dict[BeamEvent, BeamState]] = {STATES[letter]: {} for letter in head.split()}
+    for row in rows:
+        name, *cells = row.split()
+        for letter, cell in zip(head.split(), cells, strict=True):
+            found[STATES[letter]][BeamEvent(name)] = STATES[cell]
+    assert found == BEAM_AFTER
+    assert {each: set(row) for each, row in BEAM_AFTER.items()} == {s: set(BeamEvent) for s in BeamState}
+
+
+def beam(**changes: Any) -> BeamBench:
+    """A beam that has gone to 50 mm, corrected."""
+    bench = BeamBench(**changes)
+    bench.go(50_000)
+    assert bench.ends() == [50_010, 50_010]
+    return bench
+
+
+def bit_beam(**changes: Any) -> BeamBench:
+    return beam(referenced=Reference.DRIVE_BIT, **changes)
+
+
+# --- between the triggers ----------------------------------------------------------------------------------
+
+
+def test_a_switch_between_two_triggers_waits_until_both_have_gone() -> None:
+    bench = beam()
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.run(1)
+    bench.switch(is_wanted=False)
+    assert bench.group() == {
+        "state": "under-way", "has_gone": True, "is_put_off": True, "is_skewed": False, "skew": None,
+    }  # fmt: skip
+    bench.log.clear()
+    bench.run(2)
+    assert bench.log == [(2, "06 05 0e 00 01")]  # no read and no write of our own
+    assert bench.ends() == [60_010, 60_010]
+    assert bench.kinds().count("group-held") == 1
+    assert bench.group()["state"] == "open"
+    bench.settle()
+    bench.go(60_000)  # the same again is the same words (M4)
+    assert bench.ends() == [60_010, 60_010]
+    bench.go(70_000)
+    assert bench.ends() == [70_000, 70_000]
+
+
+def test_a_homed_bit_that_falls_between_two_triggers_waits_too() -> None:
+    bench = bit_beam()
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.run(1)
+    bench.lose_homed_bit(2)
+    bench.wait(1_200)
+    lost = bench.kinds().count("reference-lost")
+    bench.to(2, bytes.fromhex("03 005C 0001"))
+    assert bench.kinds().count("reference-lost") == lost + 2  # it is told at once
+    bench.log.clear()
+    bench.run(2)
+    assert bench.log == [(2, "06 05 0e 00 01")]
+    assert bench.ends() == [60_010, 60_010]
+    bench.settle()
+    bench.go(70_000)
+    assert bench.ends() == [70_000, 70_000]
+
+
+def test_a_bit_that_falls_and_rises_between_is_a_lost_reference_afterwards() -> None:
+    bench = bit_beam()
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.run(1)
+    bench.lose_homed_bit(2)
+    bench.to(2, bytes.fromhex("03 005C 0001"))
+    bench.drives[2].set_bits(is_done=True)
+    bench.not_homed.clear()
+    bench.wait(200)
+    bench.to(2, bytes.fromhex("03 005C 0001"))
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_010]
+    bench.settle()
+    assert [axis.compensation.accepted for axis in bench.line.axes] == [None, None]
+    bench.go(70_000)
+    assert bench.ends() == [70_010, 70_010]
+
+
+@pytest.mark.parametrize("share", [0.5, 0.0])
+def test_a_gain_between_two_triggers_waits(share: float) -> None:
+    bench = beam()
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.run(1)
+    bench.gain(share)
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_010]
+    bench.settle()
+    bench.go(70_000)
+    assert bench.ends() == [70_000 + 10 * share] * 2
+
+
+@pytest.mark.parametrize("height_mm", [0.02, None])
+def test_another_table_between_two_triggers_waits(height_mm: float | None) -> None:
+    """One of twice the height, or none any more."""
+    bench = beam()
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.run(1)
+    if height_mm is None:
+        bench.line.control(ClearTable("y2"), bench.now_ns)
+    else:
+        table = make_table([0, 100], [height_mm] * 2, [-height_mm] * 2, Units.MM)
+        changes = tuple(TableChange(name, table, "y.tab", "csv", "0" * 64) for name in ("y1", "y2"))
+        bench.line.control(SetTables(changes), bench.now_ns)
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_010]
+    bench.settle()
+    bench.go(70_000)
+    assert bench.ends() == [70_000 + 1000 * (height_mm or 0)] * 2
+
+
+def test_a_target_that_is_staged_after_the_first_has_gone_goes_by_what_was_fixed() -> None:
+    """Stage, run, stage, run: the axis that waits has to follow the one that went."""
+    bench = beam()
+    bench.stage(1, 60_000)
+    bench.run(1)
+    bench.switch(is_wanted=False)
+    bench.stage(2, 60_000)
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_010]
+
+
+def test_what_is_enabled_between_waits_as_well() -> None:
+    bench = beam()
+    bench.switch(is_wanted=False)
+    bench.go(60_000)
+    assert bench.ends() == [60_000, 60_000]
+    bench.stage(1, 70_000)
+    bench.run(1)
+    bench.switch(is_wanted=True)
+    bench.stage(2, 70_000)
+    bench.run(2)
+    assert bench.ends() == [70_000, 70_000]
+    bench.settle()
+    bench.go(80_000)
+    assert bench.ends() == [80_010, 80_010]
+
+
+# --- before the first leaves -------------------------------------------------------------------------------
+
+
+def reversed_beam(**changes: Any) -> BeamBench:
+    """Staged forward at 50 mm, and then found at 70: each target has to be written anew, backward."""
+    bench = beam(**changes)
+    for unit_id in (1, 2):
+        bench.stage(unit_id, 60_000)
+    assert [drive.get(COMMAND) for drive in bench.drives.values()] == [60_010, 60_010]
+    for unit_id in (1, 2):
+        bench.to(unit_id, STOP_PDU)
+        bench.drives[unit_id].put(ACTUAL, 70_010)
+        bench.drives[unit_id].set_bits(is_done=True)
+    bench.wait(300)
+    bench.log.clear()
+    return bench
+
+
+ANEW = "10 06 06 00 02 04 ea 56 00 00"
+"""59 990, 0000 EA56."""
+
+
+def test_each_staged_target_is_written_anew_before_the_first_leaves() -> None:
+    bench = reversed_beam()
+    bench.run(1)
+    assert [each for each in bench.log if not each[1].startswith("03")] == [
+        (2, ANEW),
+        (1, ANEW),
+        (1, "06 05 0e 00 01"),
+    ]
+    bench.log.clear()
+    bench.run(2)
+    assert bench.log == [(2, "06 05 0e 00 01")]
+    assert bench.ends() == [59_990, 59_990]
+
+
+@pytest.mark.parametrize(
+    ("answer", "code"), [(bytes.fromhex("90 04"), 4), (bytes.fromhex("90 06"), 6), (None, 0x0B)]
+)
+def test_where_that_is_refused_or_unanswered_the_first_is_refused(answer: bytes | None, code: int) -> None:
+    bench = reversed_beam()
+    moves = bench.counts_of_moves()
+    bench.refuses.append((2, bytes.fromhex("10 0606"), answer))
+    bench.send(RUN_PDU, unit_id=1)
+    bench.serve()
+    assert [each[2] for each in bench.port.replies] in ([bytes((0x86, code))], [])
+    bench.port.replies.clear()
+    assert bench.counts_of_moves() == moves
+    bench.wait(3_000)
+    assert bench.to(1, RUN_PDU)[0] == 0x86
+    assert bench.counts_of_moves() == moves
+    bench.go(80_000)
+    assert bench.ends() == [80_010, 80_010]
+
+
+def test_where_nothing_may_be_added_the_first_is_refused() -> None:
+    bench = BeamBench(added_frames=False)
+    bench.go(50_000)
+    bench.go(60_000)
+    assert bench.ends() == [60_010, 60_010]
+    bench.stage(1, 70_000)
+    bench.stage(2, 70_000)
+    bench.gain(0.5)
+    moves = bench.counts_of_moves()
+    bench.log.clear()
+    assert bench.to(1, RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.log == []
+    assert bench.counts_of_moves() == moves
+
+
+def test_the_bits_of_all_are_read_before_the_first_leaves() -> None:
+    bench = bit_beam()
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.lose_homed_bit(2)
+    bench.wait(1_200)  # an older bit does not count
+    bench.log.clear()
+    bench.run(1)
+    bench.run(2)
+    assert (2, "03 00 5c 00 01") in bench.log[: bench.log.index((1, "06 05 0e 00 01"))]
+    assert bench.ends() == [60_000, 60_000]
+
+
+def test_a_switch_before_the_first_leaves_counts_for_both() -> None:
+    """While the target of the other axis is written anew for it."""
+    bench = reversed_beam()
+    bench.send(RUN_PDU, unit_id=1)
+    while bench.link.sent[0][1][0] == 3:
+        unit_id, pdu = bench.link.sent.pop(0)
+        bench.line.reply(unit_id, bench.drives[unit_id].answer(pdu), bench.now_ns)
+    assert bench.link.sent == [(2, bytes.fromhex(ANEW))]
+    bench.switch(is_wanted=False)
+    bench.serve()
+    assert bench.port.take() == RUN_PDU
+    bench.run(2)
+    assert bench.ends() == [60_000, 60_000]
+
+
+# --- what ends it ------------------------------------------------------------------------------------------
+
+
+def half_gone() -> BeamBench:
+    """The first has gone to 60 mm, and the compensation is switched off."""
+    bench = beam()
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.run(1)
+    bench.switch(is_wanted=False)
+    return bench
+
+
+def test_one_that_has_gone_and_is_given_another_target_begins_anew() -> None:
+    bench = half_gone()
+    bench.stage(1, 70_000)
+    assert bench.group()["state"] == "open"
+    bench.stage(2, 70_000)
+    bench.run(1)
+    bench.run(2)
+    assert bench.ends() == [70_000, 70_000]
+
+
+def test_the_same_target_again_does_not() -> None:
+    bench = half_gone()
+    for _ in range(3):
+        bench.stage(1, 60_000)
+        bench.run(1)
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_010]
+
+
+def test_a_distance_that_is_run_again_does() -> None:
+    bench = beam()
+    for unit_id in (1, 2):
+        bench.stage(unit_id, 5_000)
+        assert bench.to(unit_id, RUN_RELATIVE_PDU) == RUN_RELATIVE_PDU
+    assert bench.group()["state"] == "open"
+    bench.settle()
+    assert bench.to(1, RUN_RELATIVE_PDU) == RUN_RELATIVE_PDU
+    bench.switch(is_wanted=False)
+    assert bench.to(2, RUN_RELATIVE_PDU) == RUN_RELATIVE_PDU
+    assert bench.ends() == [60_010, 60_010]
+
+
+@pytest.mark.parametrize("pdu", [STOP_PDU, HOME_PDU, bytes.fromhex("06 050E 012C")])
+@pytest.mark.parametrize("unit_id", [1, 2])
+def test_a_stop_a_homing_and_a_jog_end_it(pdu: bytes, unit_id: int) -> None:
+    bench = half_gone()
+    bench.to(unit_id, pdu)
+    assert bench.group()["state"] == "open"
+    assert not bench.group()["is_put_off"]
+    bench.drives[1].put(ACTUAL, 55_000)
+    bench.settle()
+    bench.go(80_000)
+    assert bench.ends() == [80_000, 80_000]
+
+
+def test_after_ten_seconds_what_was_put_off_comes_into_force() -> None:
+    bench = half_gone()
+    for _ in range(9):
+        bench.wait(1_000)
+        bench.to(1, read(ACTUAL))
+    assert bench.group()["is_put_off"]
+    bench.wait(1_100)
+    assert not bench.group()["is_put_off"]
+    bench.to(1, read(ACTUAL))  # whoever reads sees what is in force
+    assert bench.line.axes[0].fixed is None
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_000]
+
+
+def test_a_lost_link_ends_it() -> None:
+    bench = half_gone()
+    bench.line.link_down(bench.now_ns)
+    bench.wait(500)
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    assert bench.group()["state"] == "open"
+    assert bench.to(2, RUN_PDU)[0] == 0x86  # what it holds nobody knows
+
+
+def test_a_first_that_its_drive_refused_fixes_nothing() -> None:
+    bench = beam()
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.refuses.append((1, RUN_PDU, bytes.fromhex("86 04")))
+    assert bench.to(1, RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.group()["state"] == "open"
+    assert bench.to(2, RUN_PDU) == bytes.fromhex("86 04")  # M3
+    assert "group-skewed" not in bench.kinds()
+
+
+def test_a_broadcast_trigger_is_one_of_all() -> None:
+    bench = beam()
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.send(RUN_PDU, unit_id=0)
+    bench.serve()
+    assert bench.group()["state"] == "open"
+    assert bench.ends() == [60_010, 60_010]
+
+
+# --- a later one that is refused ---------------------------------------------------------------------------
+
+
+def test_a_later_one_that_its_drive_refuses_is_told_with_the_skew() -> None:
+    bench = half_gone()
+    bench.refuses.append((2, RUN_PDU, bytes.fromhex("86 04")))
+    assert bench.to(2, RUN_PDU) == bytes.fromhex("86 04")
+    event = next(each for each in bench.events if each.kind.value == "group-skewed")
+    assert event.axis == "y2"
+    assert event.detail == "y1 has gone, and its own target was refused (exception 0x04): skewed by +10 mm"
+    found = bench.group()
+    assert (found["state"], found["is_skewed"], found["skew"]) == ("under-way", True, 10.0)
+    # Levelled: written again, and run by what was fixed, though it was switched off meanwhile.
+    bench.stage(2, 60_000)
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_010]
+    assert bench.group()["is_skewed"] is False
+
+
+def test_a_later_target_that_was_lost_is_told_too() -> None:
+    bench = beam()
+    bench.stage(1, 60_000)
+    bench.run(1)
+    bench.refuses.append((2, bytes.fromhex("10 0606"), bytes.fromhex("90 04")))
+    assert bench.to(2, write(COMMAND, 60_000)) == bytes.fromhex("90 04")
+    assert bench.to(2, RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.group()["skew"] == 10.0
+
+
+# --- drives that go as they are written --------------------------------------------------------------------
+
+
+def movers(**changes: Any) -> BeamBench:
+    plans = [axis_plan(name=f"y{unit}", unit_id=unit, **changes) for unit in (1, 2)]
+    bench = BeamBench(*plans)
+    for unit_id in (1, 2):
+        bench.to(unit_id, write(COMMAND, 50_000))
+    assert bench.ends() == [50_010, 50_010]
+    return bench
+
+
+def test_the_first_target_fixes_it_for_movers() -> None:
+    bench = movers()
+    bench.to(1, write(COMMAND, 60_000))
+    bench.switch(is_wanted=False)
+    bench.to(2, write(COMMAND, 60_000))
+    assert bench.ends() == [60_010, 60_010]
+    for unit_id in (1, 2):
+        bench.to(unit_id, write(COMMAND, 70_000))
+    assert bench.ends() == [70_000, 70_000]
+
+
+HALVES: Final = {60_000: ("EA60", "0000"), 150_000: ("49F0", "0002")}
+
+
+def halves(bench: BeamBench, unit_id: int, counts: int) -> None:
+    low, high = HALVES[counts]
+    for address, word in (("0606", low), ("0607", high)):
+        bench.to(unit_id, bytes.fromhex(f"06 {address} {word}"))
+        bench.wait(20)
+
+
+@pytest.mark.parametrize("after", [(1, 0), (1, 1), (2, 0)])
+def test_halves_of_movers_belong_together(after: tuple[int, int]) -> None:
+    """Switched off behind the low word of y1, behind its high one, behind the low one of y2."""
+    bench = movers()
+    for unit_id in (1, 2):
+        for number, (address, word) in enumerate((("0606", "49F0"), ("0607", "0002"))):
+            bench.to(unit_id, bytes.fromhex(f"06 {address} {word}"))
+            bench.wait(20)
+            if (unit_id, number) == after:
+                bench.switch(is_wanted=False)
+    assert bench.ends() == [150_010, 150_010]
+    for unit_id in (1, 2):
+        halves(bench, unit_id, 60_000)
+    assert bench.ends() == [60_000, 60_000]
+
+
+def test_a_low_word_that_stays_alone_ends_it_after_its_time() -> None:
+    bench = movers()
+    for unit_id in (1, 2):
+        bench.to(unit_id, bytes.fromhex("06 0606 EA60"))
+    bench.switch(is_wanted=False)
+    bench.wait(250)
+    for unit_id in (1, 2):
+        bench.to(unit_id, bytes.fromhex("06 0606 EE48"))
+    assert bench.ends() == [61_000, 61_000]
+
+
+def test_a_stream_changes_over_between_whole_rounds() -> None:
+    plans = [stream_plan(name=f"y{unit}", unit_id=unit) for unit in (1, 2)]
+    bench = BeamBench(*plans)
+    for number in range(60):
+        for unit_id in (1, 2):
+            bench.to(unit_id, write(COMMAND, 50 * number))
+            if number == 40 and unit_id == 1:
+                bench.switch(is_wanted=False)
+        first, second = bench.ends()
+        assert first == second
+    assert bench.ends() == [2950, 2950]
+
+
+def test_a_repeat_of_one_axis_alone_puts_nothing_off_for_ever() -> None:
+    bench = movers()
+    bench.switch(is_wanted=False)
+    for _ in range(150):
+        bench.to(1, write(COMMAND, 50_000))
+        bench.wait(100)
+    bench.to(1, write(COMMAND, 60_000))
+    assert bench.drives[1].get(COMMAND) == 60_000
+
+
+def test_the_bits_of_all_movers_are_read_before_the_first_target() -> None:
+    bits = {"homed": BITS["homed"]}
+    bench = movers(referenced=Reference.DRIVE_BIT, bits=bits)
+    bench.wait(1_200)
+    bench.drives[2].write(STATUS, b"\0\0")
+    bench.log.clear()
+    bench.to(1, write(COMMAND, 60_000))
+    bench.to(2, write(COMMAND, 60_000))
+    assert (2, "03 00 5c 00 01") in bench.log[: bench.log.index((1, write(COMMAND, 60_000).hex(" ")))]
+    assert bench.ends() == [60_000, 60_000]
+
+
+def test_a_dry_run_does_not_end_between_two_triggers() -> None:
+    bench = BeamBench(compensation=CompensationMode.SHADOW)
+    bench.go(50_000)
+    bench.stage(1, 60_000)
+    bench.run(1)
+    bench.drives[1].arrive()
+    bench.wait(300)
+    for unit_id in (1, 2):
+        bench.to(unit_id, bytes.fromhex("03 005C 0001"))
+        bench.to(unit_id, read(ACTUAL))
+    with pytest.raises(ControlError, match="one axis of its group has gone"):
+        bench.line.control(EndDryRun("y1"), bench.now_ns)
+    bench.stage(2, 60_000)
+    bench.run(2)
+    assert bench.ends() == [60_000, 60_000]
+    bench.settle()
+    bench.line.control(EndDryRun("y1"), bench.now_ns)
+    bench.go(70_000)
+    assert bench.ends() == [70_010, 70_010]
+
+
+def test_after_a_kill_nobody_remembers() -> None:
+    """What the other axis holds is not known then: its trigger is refused, and M11 begins anew."""
+    bench = half_gone()
+    after = BeamBench()
+    after.drives = bench.drives
+    moves = after.counts_of_moves()
+    assert after.to(2, RUN_PDU) == bytes.fromhex("86 04")
+    assert after.counts_of_moves() == moves
+    after.settle()
+    after.go(70_000)
+    assert after.ends() == [70_010, 70_010]
+
+
+def test_three_axes_go_by_the_first() -> None:
+    plans = [staged_plan(name=f"y{unit}", unit_id=unit) for unit in (1, 2, 3)]
+    bench = BeamBench(*plans)
+    bench.go(50_000)
+    for unit_id in (1, 2, 3):
+        bench.stage(unit_id, 60_000)
+    bench.run(2)
+    bench.switch(is_wanted=False)
+    bench.run(3)
+    assert bench.group()["state"] == "under-way"
+    bench.run(1)
+    assert bench.ends() == [60_010] * 3
+    assert bench.group()["state"] == "open"
+
+
+def test_a_pipelined_pair_goes_by_one_decision() -> None:
+    bench = reversed_beam(serial=False)
+    for unit_id in (1, 2):
+        bench.line.request(bench.port, unit_id, unit_id, RUN_PDU, bench.now_ns)
+    while not (bench.link.sent[0][0] == 1 and bench.link.sent[0][1] == RUN_PDU):
+        unit_id, pdu = bench.link.sent.pop(0)
+        bench.line.reply(unit_id, bench.drives[unit_id].answer(pdu), bench.now_ns)
+    bench.switch(is_wanted=False)  # the first is on its way: what holds is fixed
+    bench.serve()
+    assert [reply[2] for reply in bench.port.replies] == [RUN_PDU, RUN_PDU]
+    assert bench.ends() == [59_990, 59_990]
+
+
+def test_what_was_refused_to_the_first_may_be_given_again() -> None:
+    """Beyond the travel of y2 only: y1 is refused as well, and both go once y2 has another target."""
+    settings = {"travel": (0.0, 100.0), "travel_margin": 0.0}
+    bench = beam(**settings)
+    bench.stage(1, 60_000)
+    bench.refuses.append((2, bytes.fromhex("10 0606"), bytes.fromhex("90 04")))
+    assert bench.to(2, write(COMMAND, 60_000)) == bytes.fromhex("90 04")
+    moves = bench.counts_of_moves()
+    assert bench.to(1, RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.counts_of_moves() == moves
+    bench.stage(2, 60_000)
+    bench.run(1)
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_010]
+
+
+def test_an_alarm_between_two_triggers_leaves_the_other_corrected() -> None:
+    bench = BeamBench(referenced=Reference.SET_POSITION)
+    for unit_id in (1, 2):
+        assert bench.to(unit_id, ZERO_PDU) == ZERO_PDU
+    bench.go(50_000)
+    assert bench.ends() == [50_010, 50_010]
+    bench.stage(1, 60_000)
+    bench.stage(2, 60_000)
+    bench.run(1)
+    lost = bench.kinds().count("reference-lost")
+    bench.drives[2].set_bits(is_done=True, is_alarmed=True)
+    bench.to(2, bytes.fromhex("03 005C 0001"))
+    assert bench.kinds().count("reference-lost") == lost + 2
+    bench.run(2)
+    assert bench.ends() == [60_010, 60_010]
+    bench.settle()
+    bench.go(70_000)
+    assert bench.ends() == [70_000, 70_000]
+
+
+def test_an_axis_without_a_group_has_no_status_of_one() -> None:
+    from gateway.exchange.status import axis_status
+
+    bench = Bench(axis_plan())
+    assert axis_status(bench.line.axes[0], bench.now_ns)["group"] is None
+    assert staged_plan().name == "x"
