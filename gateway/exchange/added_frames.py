@@ -18,7 +18,7 @@ from gateway.exchange.access import MEI_HEAD, swapped
 from gateway.exchange.axis.state import HOMING, Actual, Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of
-from gateway.exchange.plan import DONE_BIT
+from gateway.exchange.plan import DONE_BIT, MOVING_BIT
 from gateway.exchange.request import Known, Standing
 from gateway.exchange.unit import FieldHit
 from gateway.modbus.errors import RegisterRangeError
@@ -50,6 +50,8 @@ class Purpose(Enum):
     """Something of a drive that does not answer: whether it is there again."""
 
 
+LOOKS: Final = 2
+"""So often the place of an axis is read at the start, to tell whether it went to its last target."""
 _WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.RULE})
 
 
@@ -181,6 +183,34 @@ def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
     return [read for read in reads if read is not None]
 
 
+def next_look(read: AddedFrame, now_ns: int) -> AddedFrame | None:
+    """Return what is read next at the start, until an axis is known to have gone to its last target or not.
+
+    A drive that may be on its way is watched. Else its status bit, and where it stands, twice at most: the
+    traffic has to tell the rest.
+    """
+    axis, record = read.axis, read.axis.record
+    actual = axis.asked_actual
+    if record is None or actual is None or read.purpose not in (Purpose.ACTUAL, Purpose.STANDING):
+        return None
+    if record.wants_look:
+        return read
+    if record.looks > LOOKS or not axis.looks_wanted(now_ns):
+        return None
+    record.look_again()
+    bit = standing_bit(axis) if record.looks == 1 else None
+    return read_field(axis, Purpose.ACTUAL, actual) if bit is None else bit
+
+
+def standing_bit(axis: Axis) -> AddedFrame | None:
+    """Return the read of the bit that says whether an axis stands, where it has one."""
+    bits = axis.plan.bits
+    for name in (DONE_BIT, MOVING_BIT):
+        if name in bits:
+            return read_bit(axis, Purpose.STANDING, bits[name])
+    return None
+
+
 def restaging(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     """Return the next write that brings the drive's words in line with a rendering, if any (M2)."""
     addresses = addresses_to_restage(axis, rendering)
@@ -244,6 +274,7 @@ def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
         axis.observe_bit(axis.homed_bit, asked_ns, is_set=words is not None and read.bit.is_set(_word(words)))
     elif read.purpose in (Purpose.ACTUAL, Purpose.LOOK):
         field = axis.plan.actual[0]
+        known.looks[name] = known.looks.get(name, 0) + 1
         known.actual[name] = None if words is None else axis.observe_actual(field, words, asked_ns)
         actual = known.actual[name]
         if read.purpose is Purpose.LOOK and actual is not None:

@@ -20,6 +20,7 @@ from gateway.exchange.added_frames import (
     AddedFrame,
     Purpose,
     learn,
+    next_look,
     note_restaged,
     reads_at_start,
     trial_read,
@@ -410,9 +411,7 @@ class LineExchange(CuttingLine):
             learn(frame, pdu, Known(), transaction.sent_ns)
             outcome = Outcome.EXCEPTION if is_exception(pdu) else Outcome.ACKNOWLEDGED
             self._ends.finish(transaction, outcome, now_ns)
-            record = frame.axis.record
-            if frame.purpose is Purpose.ACTUAL and record is not None and record.wants_look:
-                self._waiting.add_own(frame, now_ns)
+            self._waiting.add_own(next_look(frame, transaction.sent_ns), now_ns)
             return
         transaction.learn()
         code = self._learn(transaction, frame, pdu, now_ns)

@@ -2,21 +2,21 @@
 
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import (
+    LOOKS,
     AddedFrame,
     Purpose,
     addresses_to_restage,
     homed_read,
-    read_bit,
     read_field,
     read_word,
     restaging,
+    standing_bit,
 )
 from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.meaning import Meaning
-from gateway.exchange.plan import DONE_BIT, MOVING_BIT
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.rendering import (
     RefusedPositionError,
@@ -144,7 +144,7 @@ def _read_for_run(
     if action.is_relative:
         if axis.passes_unchanged:
             return None
-        added = _next_base_read(axis, action, known)
+        added = _next_base_read(axis, action, known, request.now_ns)
         base = base_of(axis, action, known)
         if added is not None or base is None or base.is_standing or not counts:
             return added
@@ -285,18 +285,18 @@ def _render_run(request: Request, meaning: Meaning, words: bytes) -> Rendering |
         raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
 
 
-def _next_base_read(axis: Axis, action: Action, known: Known) -> AddedFrame | None:
+def _next_base_read(axis: Axis, action: Action, known: Known, now_ns: int) -> AddedFrame | None:
     """Return what must be read next to know where a relative move starts; None when no reading helps."""
     if not axis.may_read or is_place_untold(axis, known) or base_of(axis, action, known) is not None:
         return None
-    name, bits = axis.plan.name, axis.plan.bits
-    if name not in known.standing:
-        for bit_name in (DONE_BIT, MOVING_BIT):
-            if bit_name in bits:
-                return read_bit(axis, Purpose.STANDING, bits[bit_name])
+    name = axis.plan.name
+    bit = None if name in known.standing else standing_bit(axis)
+    if bit is not None:
+        return bit
     actual, commanded = axis.asked_actual, axis.asked_commanded
     if axis.is_distance_unproven and actual is not None:
-        return None if name in known.actual else read_field(axis, Purpose.ACTUAL, actual)
+        is_told = name in known.actual and not (known.looks[name] < LOOKS and axis.looks_wanted(now_ns))
+        return None if is_told else read_field(axis, Purpose.ACTUAL, actual)
     if counts_from_commanded(axis, action):
         if commanded is not None and name not in known.commanded:
             return read_field(axis, Purpose.COMMANDED, commanded)

@@ -42,6 +42,8 @@ class Known:
 
     actual: dict[str, Actual | None] = field(default_factory=dict)
     """By axis."""
+    looks: dict[str, int] = field(default_factory=dict)
+    """How often that was asked for, by axis."""
     commanded: dict[str, float | None] = field(default_factory=dict)
     """The drive's own commanded position in counts, by axis."""
     standing: dict[str, Standing] = field(default_factory=dict)

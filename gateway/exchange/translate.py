@@ -83,7 +83,7 @@ def prepare(request: Request, *, has_stop: bool = False) -> Rewriting:
         _prepare_write(rewriting, has_stop=has_stop)
     for name, run in request.known.runs.items():
         if name in rewriting.by_axis:
-            rewriting.by_axis[name].runs.append(run)
+            rewriting.by_axis[name].runs.append(_leaving(run, request.now_ns))
     rewriting.complete()
     for axis, written in rewriting.written:
         for target in (*written.targets, *written.runs):
@@ -91,6 +91,12 @@ def prepare(request: Request, *, has_stop: bool = False) -> Rewriting:
     if access.read_quantity:
         _prepare_read(rewriting)
     return rewriting
+
+
+def _leaving(run: Rendering, now_ns: int) -> Rendering:
+    """Return what a trigger runs, as old as the trigger: its drive has not had the time to start before."""
+    move = run.move
+    return run if move is None else run._replace(move=move._replace(state=move.state._replace(at_ns=now_ns)))
 
 
 def _prepare_write(rewriting: Rewriting, *, has_stop: bool) -> None:

@@ -200,6 +200,57 @@ class OnWire(Enum):
     """Something that moves it in a way which nobody can say."""
 
 
+class Proof(Enum):
+    """What readings have told of a target without an acknowledgement that is proven at its ends (M5)."""
+
+    __hash__ = object.__hash__
+
+    ONE = "one"
+    """The next one at an end decides."""
+    TWO = "two"
+    """Two in a row at one end decide: it was on its way when the gateway ended, and its record names it."""
+    AT_START = "at-start"
+    """The first of the two was at its start."""
+    AT_END = "at-end"
+    """The first of the two was at its end."""
+    NONE = "none"
+    """None decides: the machine was switched off since, or its ends are too near each other."""
+    RAN = "ran"
+    RAN_NOT = "ran-not"
+
+
+class End(Enum):
+    """At which end of its way an axis is seen."""
+
+    __hash__ = object.__hash__
+
+    START = "start"
+    END = "end"
+    NEITHER = "neither"
+    """At neither, or where both windows overlap."""
+
+
+PROOF_AFTER: Final[dict[tuple[Proof, End], Proof]] = {
+    (Proof.ONE, End.START): Proof.RAN_NOT,
+    (Proof.ONE, End.END): Proof.RAN,
+    (Proof.ONE, End.NEITHER): Proof.ONE,
+    (Proof.TWO, End.START): Proof.AT_START,
+    (Proof.TWO, End.END): Proof.AT_END,
+    (Proof.TWO, End.NEITHER): Proof.TWO,
+    (Proof.AT_START, End.START): Proof.RAN_NOT,
+    (Proof.AT_START, End.END): Proof.AT_END,
+    (Proof.AT_START, End.NEITHER): Proof.TWO,
+    (Proof.AT_END, End.START): Proof.AT_START,
+    (Proof.AT_END, End.END): Proof.RAN,
+    (Proof.AT_END, End.NEITHER): Proof.TWO,
+    (Proof.NONE, End.START): Proof.NONE,
+    (Proof.NONE, End.END): Proof.NONE,
+    (Proof.NONE, End.NEITHER): Proof.NONE,
+}
+"""What each reading of an axis that may stand makes of it. What decides is there no more."""
+AT_ONE_END: Final = frozenset({Proof.AT_START, Proof.AT_END})
+
+
 @dataclass(slots=True)
 class Actual:
     """The last actual position seen, as the drive reported it."""
@@ -226,6 +277,8 @@ class Rendering(NamedTuple):
     """Of one that was not acknowledged: the drive held these words before, so to read them proves nothing."""
     is_beside_another: bool = False
     """Of such: the target right before it is so near that to see the axis there proves nothing."""
+    proof: Proof = Proof.ONE
+    """Of such, where its start is known: what readings at its ends have told by now."""
 
 
 class Retained(NamedTuple):
@@ -451,8 +504,7 @@ class AxisState:
     @property
     def is_unsure(self) -> bool:
         """Whether the branch in force was assumed, where there are two and they count."""
-        unproven = self.unproven
-        is_assumed = self.compensation.is_unsure or (unproven is not None and unproven.is_distance)
+        is_assumed = self.compensation.is_unsure or self.is_distance_unproven
         return is_assumed and self.has_branches and not self.compensation.is_passing
 
     @property
@@ -467,8 +519,24 @@ class AxisState:
 
     @property
     def is_distance_unproven(self) -> bool:
-        """Whether a distance was sent of which nobody knows if it ran: its axis is at one of two places."""
-        return self.unproven is not None and self.unproven.is_distance
+        """Whether a distance was sent of which nobody knows if it ran: its axis is at one of two places.
+
+        So it is with a target that the axis may have gone to or have come past (``record.Finding.EITHER``).
+        """
+        unproven = self.unproven
+        return unproven is not None and (unproven.is_distance or unproven.proof is not Proof.ONE)
+
+    def looks_wanted(self, now_ns: int) -> int:
+        """How often it has to be read to tell whether it went, of a target that its record names; 0: not."""
+        unproven = self.unproven
+        if unproven is None or unproven.proof in (Proof.ONE, Proof.NONE) or not self.may_stand(now_ns):
+            return 0
+        return 1 if unproven.proof in AT_ONE_END else 2
+
+    @property
+    def says_done(self) -> bool:
+        """Of an axis at rest whose target is not proven: whether its drive says so, where it has a bit."""
+        return DONE_BIT not in self.plan.bits or self.whereabouts is Whereabouts.UNPROVEN_AT_REST
 
     def is_unseen(self, now_ns: int) -> bool:
         """Whether somebody may have moved it since anything was heard of it or said to it (M5, M6)."""

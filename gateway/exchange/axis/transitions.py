@@ -39,21 +39,26 @@ from gateway.exchange.axis.record import (
     find,
     lacks_reference,
     may_have_stopped,
+    proof_of,
     state_of,
 )
 from gateway.exchange.axis.record_layout import Remembered, RememberedMove
 from gateway.exchange.axis.state import (
+    AT_ONE_END,
     AT_REST,
     HOMING,
     HOMING_SETTLE_NS,
     ON_BRANCH,
     ON_WAY,
+    PROOF_AFTER,
     TARGETED,
     WAS_THERE,
     Actual,
     AxisState,
     Block,
+    End,
     OnWire,
+    Proof,
     Referenced,
     Rendering,
     Retained,
@@ -1065,8 +1070,8 @@ class Axis(AxisState):
 
     def _prove(self, unproven: Rendering, before: Actual | None, now: Actual) -> None:
         """Take a target without a reply as accepted when the axis is seen to have gone there (M7)."""
-        if unproven.is_distance:
-            self.prove_distance(now)
+        if self.is_distance_unproven:
+            self.prove_distance(now, before)
             return
         if before is None or unproven.move is None or unproven.is_beside_another:
             return
@@ -1075,24 +1080,34 @@ class Axis(AxisState):
         if abs(now.counts - end) <= near < abs(before.counts - end):
             self.go(unproven, unproven.move, now.seen_ns)
 
-    def prove_distance(self, now: Actual) -> None:
+    def prove_distance(self, now: Actual, before: Actual | None = None) -> None:
         """Find out whether a distance that was never acknowledged has run: from which of its ends (M5).
 
         Only of an axis that has had the time to start and may stand. At neither of the ends, or at both,
-        nobody knows where the next distance would begin.
+        nobody knows where the next distance would begin. So it is with a target that a record names.
         """
         unproven = self.unproven
-        if unproven is None or not unproven.is_distance or unproven.start is None or unproven.move is None:
+        if unproven is None or unproven.start is None or unproven.move is None:
             return
-        if not self.may_stand(now.seen_ns):
+        proof = unproven.proof
+        if not self.may_stand(now.seen_ns) or not (proof is Proof.ONE or self.says_done):
             return
-        window = self.plan.settings.in_position_counts
+        settings = self.plan.settings
+        window = settings.in_position_counts
         is_at_end = abs(now.counts - unproven.corrected_counts) <= window
         is_at_start = abs(now.counts - unproven.start.corrected_counts) <= window
-        if is_at_end and not is_at_start:
+        end = End.NEITHER if is_at_end is is_at_start else End.END if is_at_end else End.START
+        if proof in AT_ONE_END and (
+            before is None or abs(now.counts - before.counts) > settings.hysteresis_counts
+        ):
+            proof = Proof.TWO  # it creeps
+        proof = PROOF_AFTER[proof, end]
+        if proof is Proof.RAN:
             self.go(unproven, unproven.move, now.seen_ns)
-        elif is_at_start and not is_at_end:
+        elif proof is Proof.RAN_NOT:
             self._run_not(unproven.start)
+        elif proof is not unproven.proof:
+            self.unproven = self._marked(unproven, unproven._replace(proof=proof))
 
     def note_rule(self, address: int, word: int) -> None:
         """Note what a mode or trigger register was read to hold."""
@@ -1301,7 +1316,7 @@ class Axis(AxisState):
             return
         self._restore(recalled, state, is_at_target=finding is Finding.AT_TARGET)
         if move is not None and after is not None:
-            self._restore_unproven(move, after, finding)
+            self._restore_unproven(recalled, move, after, finding)
         self._resume_terms(actual.seen_ns)
         if not self.is_referenced:
             self.displace(keeps_branch=self.compensation.is_stream)
@@ -1311,12 +1326,13 @@ class Axis(AxisState):
         position = (
             self.compensation.machine_position(self.nominal_of(actual.counts)) - settings.machine_offset
         )
+        is_open = "; whether it has gone there is not certain yet" if self.is_distance_unproven else ""
         self.tell(
             EventKind.RESTORED,
             f"goes on from its record: nominal {position:.6g} {settings.units.value}, the drive at "
             f"{actual.counts:.10g} counts, {in_force.travel.direction.name.lower()}, progress of a reversal "
             f"{in_force.progress:.3g}, of a change-over {in_force.change:.3g}, generation "
-            f"{recalled.generation}",
+            f"{recalled.generation}{is_open}",
         )
 
     def _restore(self, recalled: Remembered, state: State, *, is_at_target: bool) -> None:
@@ -1350,7 +1366,9 @@ class Axis(AxisState):
                 field_.pack(raw_of(field_, accepted.corrected_counts)),
             )
 
-    def _restore_unproven(self, move: RememberedMove, after: State, finding: Finding) -> None:
+    def _restore_unproven(
+        self, recalled: Remembered, move: RememberedMove, after: State, finding: Finding
+    ) -> None:
         """Take the target that was on its way as accepted, or as one that nobody acknowledged."""
         field_ = self.plan.command[move.number]
         nominal_words = corrected_words = b""
@@ -1359,7 +1377,10 @@ class Axis(AxisState):
             corrected_words = field_.pack(raw_of(field_, move.corrected_counts))
         correction_counts = move.corrected_counts - move.nominal_counts
         planned = Move(move.nominal_counts, correction_counts, self.compensation.map_of(after), after)
-        start = self.compensation.accepted if move.is_distance else None
+        proof = proof_of(self, recalled, finding)
+        start = None
+        if recalled.has_target and (move.is_distance or proof is not Proof.ONE):
+            start = Accepted(recalled.nominal_counts, recalled.corrected_counts)
         rendering = Rendering(
             move.number,
             nominal_words,
@@ -1368,10 +1389,14 @@ class Axis(AxisState):
             planned,
             move.is_distance,
             start,
+            proof=proof,
         )
         if finding not in PROVEN:
             self.pending = rendering  # its record goes on to name it, for the next start as for this one
-            self.leave_unproven(rendering, self.heard_ns)
+            is_timed = recalled.is_of_this_boot and proof is Proof.TWO
+            self.leave_unproven(rendering, after.at_ns if is_timed else self.heard_ns)
+            if finding is Finding.EITHER:
+                self.compensation.read_as_reached(planned, move.corrected_counts)
             return
         if self.plan.has_rules:
             self.go(rendering, planned, self.heard_ns)
