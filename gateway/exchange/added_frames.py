@@ -15,14 +15,14 @@ from typing import Final
 
 from gateway.drives.motion import Form
 from gateway.exchange.access import MEI_HEAD, swapped
-from gateway.exchange.axis.state import HOMING, Actual, Rendering
+from gateway.exchange.axis.state import HOMING, Actual, Rendering, Told
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import DONE_BIT, MOVING_BIT
 from gateway.exchange.request import Known, Standing
 from gateway.exchange.unit import FieldHit
 from gateway.modbus.errors import RegisterRangeError
-from gateway.modbus.pdu import MEI_CANOPEN_GENERAL_REFERENCE, FunctionCode
+from gateway.modbus.pdu import MEI_CANOPEN_GENERAL_REFERENCE, ExceptionCode, FunctionCode, is_exception
 from gateway.modbus.registers import BitField, BitTable, PositionField
 
 _FUNCTIONS: Final = {
@@ -50,6 +50,9 @@ class Purpose(Enum):
     """Something of a drive that does not answer: whether it is there again."""
 
 
+_PLACES: Final = frozenset({Purpose.ACTUAL, Purpose.LOOK})
+_LATER: Final = frozenset({ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE_BUSY})
+"""Exceptions which say that the same may be had later."""
 LOOKS: Final = 2
 """So often the place of an axis is read at the start, to tell whether it went to its last target."""
 _WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.RULE})
@@ -72,6 +75,8 @@ class AddedFrame:
     """A look before a distance, which no place on the way is good for."""
     epoch: int = 0
     """Of its field, when it was made."""
+    is_again: bool = False
+    """A read that no request needs, once more after it was refused."""
 
     @property
     def pdu(self) -> bytes:
@@ -258,10 +263,27 @@ def note_restaged(frame: AddedFrame) -> None:
     frame.axis.restage(rendering, first, frame.words, frame.epoch)
 
 
+def is_asked_again(read: AddedFrame, reply: bytes, known: Known) -> bool:
+    """Whether a read of where an axis is was refused and may be had by asking once more (W8).
+
+    After "busy" it is asked once more for each request; after any other exception until the drive has refused
+    twice in a row, and then not before the link comes up.
+    """
+    if read.purpose not in _PLACES or not is_exception(reply):
+        return False
+    axis, name = read.axis, read.axis.plan.name
+    is_first = not read.is_again and name not in known.refused
+    known.refused.add(name)
+    if len(reply) > 1 and reply[1] in _LATER:
+        return is_first
+    axis.hear_place(Told.REFUSAL)
+    return is_first and not axis.is_out_of_sight
+
+
 def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
     """Take note of the reply to an added read, which says what held when it was asked for.
 
-    A refused one is not tried again for this request.
+    A refused one is not tried again for this request, but for :func:`is_asked_again`.
 
     A drive that will not tell whether it is homed is taken as not homed.
     """
@@ -275,6 +297,8 @@ def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
     elif read.purpose in (Purpose.ACTUAL, Purpose.LOOK):
         field = axis.plan.actual[0]
         known.looks[name] = known.looks.get(name, 0) + 1
+        if words is not None:
+            axis.hear_place(Told.PLACE)
         known.actual[name] = None if words is None else axis.observe_actual(field, words, asked_ns)
         actual = known.actual[name]
         if read.purpose is Purpose.LOOK and actual is not None:

@@ -13,12 +13,14 @@ late reply never answers the next request (W6), a dead unit is answered for (W11
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 from gateway.exchange.access import only_reads
 from gateway.exchange.added_frames import (
     AddedFrame,
     Purpose,
+    is_asked_again,
     learn,
     next_look,
     note_restaged,
@@ -408,10 +410,14 @@ class LineExchange(CuttingLine):
         assert frame is not None
         if transaction.port is None:
             self.counters.added_reads += 1
-            learn(frame, pdu, Known(), transaction.sent_ns)
+            known = Known()
+            is_again = is_asked_again(frame, pdu, known)
+            if not is_again:
+                learn(frame, pdu, known, transaction.sent_ns)
             outcome = Outcome.EXCEPTION if is_exception(pdu) else Outcome.ACKNOWLEDGED
             self._ends.finish(transaction, outcome, now_ns)
-            self._waiting.add_own(next_look(frame, transaction.sent_ns), now_ns)
+            following = replace(frame, is_again=True) if is_again else next_look(frame, transaction.sent_ns)
+            self._waiting.add_own(following, now_ns)
             return
         transaction.learn()
         code = self._learn(transaction, frame, pdu, now_ns)
@@ -435,6 +441,8 @@ class LineExchange(CuttingLine):
             self.counters.added_reads += 1
             if frame.purpose is Purpose.LOOK:
                 transaction.excuse(now_ns - transaction.sent_ns)
+            if is_asked_again(frame, pdu, known) and now_ns <= transaction.leave_by_ns:
+                return None  # it is read again, if nothing else goes first
             learn(frame, pdu, known, transaction.sent_ns)
             return None
         if frame.is_acknowledged(pdu):

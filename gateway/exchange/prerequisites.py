@@ -133,12 +133,14 @@ def _read_for_run(
     """Return what must be read before a whole target can be rendered."""
     if not action.is_relative and axis.retained_as(number, words) is not None:
         return None  # it keeps its words, wherever the axis is
-    known = request.known
+    known, name = request.known, axis.plan.name
     actual = axis.asked_actual
-    if actual is not None and axis.plan.name not in known.actual and needs_look(axis, request.now_ns, action):
-        return AddedFrame(
-            axis, Purpose.LOOK, actual.address, actual.words, is_for_distance=action.is_relative
-        )
+    if name not in known.actual and needs_look(axis, request.now_ns, action):
+        if actual is not None:
+            return AddedFrame(
+                axis, Purpose.LOOK, actual.address, actual.words, is_for_distance=action.is_relative
+            )
+        _go_unseen(request, axis, action)
     field = axis.plan.command[number]
     counts = counts_of(field, field.unpack(words))
     if action.is_relative:
@@ -149,9 +151,18 @@ def _read_for_run(
         if added is not None or base is None or base.is_standing or not counts:
             return added
         counts += base.nominal_counts
-    if actual is None or axis.plan.name in known.actual or not needs_actual(axis, counts, request.now_ns):
+    if name in known.actual or not needs_actual(axis, counts, request.now_ns):
+        return None
+    if actual is None:
+        _go_unseen(request, axis, action)
         return None
     return read_field(axis, Purpose.ACTUAL, actual)
+
+
+def _go_unseen(request: Request, axis: Axis, action: Action) -> None:
+    """Its drive refuses to tell where the axis is: for a distance that counts as asked in vain (M5)."""
+    if action.is_relative:
+        request.known.actual[axis.plan.name] = None
 
 
 def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:

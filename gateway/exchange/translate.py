@@ -22,6 +22,8 @@ from gateway.exchange.rendering import (
     RefusedPositionError,
     Seen,
     base_of,
+    is_place_untold,
+    lacks_look,
     nominal_limit,
     render,
     render_distance,
@@ -389,7 +391,7 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
             continue
         rendering: Rendering | None
         try:
-            if write.is_again:
+            if write.is_again and not lacks_look(axis, seen(request, axis)):
                 rendering = render_repeat(axis, number)
             elif action.is_relative:
                 rendering = render_relative(request, axis, number, words, action)
@@ -420,7 +422,8 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
 
 def seen(request: Request, axis: Axis) -> Seen:
     """Return what a target is rendered with: the time, and an actual position that was read for it."""
-    return Seen(request.now_ns, request.known.actual.get(axis.plan.name))
+    fresh = request.known.actual.get(axis.plan.name)
+    return Seen(request.now_ns, fresh, is_place_untold(axis, request.known))
 
 
 def render_relative(

@@ -200,6 +200,45 @@ class OnWire(Enum):
     """Something that moves it in a way which nobody can say."""
 
 
+class Sight(Enum):
+    """Whether the drive tells where its axis stands when the gateway asks for it (W8)."""
+
+    __hash__ = object.__hash__
+
+    OPEN = "open"
+    """Nothing says that it does not."""
+    REFUSED_ONCE = "refused-once"
+    """It has answered one such read with an exception since the link came up."""
+    REFUSED = "refused"
+    """It has done so twice in a row: it is not asked again before the link comes up."""
+
+
+class Told(Enum):
+    """What the drive answers when it is asked where its axis stands."""
+
+    __hash__ = object.__hash__
+
+    PLACE = "place"
+    REFUSAL = "refusal"
+    """An exception that does not say "later"."""
+    LINK_LOST = "link-lost"
+    """Nothing; behind the next link another drive may stand, or the same one with other settings."""
+
+
+SIGHT_AFTER: Final[dict[tuple[Sight, Told], Sight]] = {
+    (Sight.OPEN, Told.PLACE): Sight.OPEN,
+    (Sight.OPEN, Told.REFUSAL): Sight.REFUSED_ONCE,
+    (Sight.OPEN, Told.LINK_LOST): Sight.OPEN,
+    (Sight.REFUSED_ONCE, Told.PLACE): Sight.OPEN,
+    (Sight.REFUSED_ONCE, Told.REFUSAL): Sight.REFUSED,
+    (Sight.REFUSED_ONCE, Told.LINK_LOST): Sight.OPEN,
+    (Sight.REFUSED, Told.PLACE): Sight.REFUSED,
+    (Sight.REFUSED, Told.REFUSAL): Sight.REFUSED,
+    (Sight.REFUSED, Told.LINK_LOST): Sight.OPEN,
+}
+"""Where each answer leads."""
+
+
 class Proof(Enum):
     """What readings have told of a target without an acknowledgement that is proven at its ends (M5)."""
 
@@ -331,6 +370,7 @@ class AxisState:
         "rules",
         "said",
         "sent_off_ns",
+        "sight",
         "silent_since_ns",
         "silent_until_ns",
         "switched",
@@ -356,9 +396,11 @@ class AxisState:
         """Whether a frame to it may mean something else than positions to be gone to at once."""
         self.may_read = plan.safe_read and plan.added_frames
         """Whether the gateway may add reads of this axis's registers (W8)."""
-        self.asked_actual = self._asked(plan.actual)
+        self.asked_actual = self.asked(plan.actual)
         """The actual position that the gateway may read by itself (W8); None: it only sees it in passing."""
-        self.asked_commanded = self._asked(plan.commanded)
+        self.sight = Sight.OPEN
+        """Whether its drive tells that; where it does not, ``asked_actual`` is None."""
+        self.asked_commanded = self.asked(plan.commanded)
         """The same of the drive's own commanded position."""
         # --- whether its positions mean anything
         self.reference = Referenced.FOUND
@@ -526,6 +568,11 @@ class AxisState:
         unproven = self.unproven
         return unproven is not None and (unproven.is_distance or unproven.proof is not Proof.ONE)
 
+    @property
+    def is_out_of_sight(self) -> bool:
+        """Whether it is not asked where it is because its drive refuses to tell."""
+        return self.sight is Sight.REFUSED
+
     def looks_wanted(self, now_ns: int) -> int:
         """How often it has to be read to tell whether it went, of a target that its record names; 0: not."""
         unproven = self.unproven
@@ -558,7 +605,8 @@ class AxisState:
         """Whether a position that was asked for then may be that of an axis that has come to rest."""
         return self.has_started(asked_ns) and self.said is not Said.MOVES
 
-    def _asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
+    def asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
+        """Return the one of some positions that the gateway may read by itself; None: none."""
         return fields[0] if self.may_read and fields and fields[0].is_readable else None
 
     # --- what the drive holds --------------------------------------------------------------------------

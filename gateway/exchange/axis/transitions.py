@@ -51,6 +51,7 @@ from gateway.exchange.axis.state import (
     ON_BRANCH,
     ON_WAY,
     PROOF_AFTER,
+    SIGHT_AFTER,
     TARGETED,
     WAS_THERE,
     Actual,
@@ -64,6 +65,7 @@ from gateway.exchange.axis.state import (
     Retained,
     Said,
     Switched,
+    Told,
     Whereabouts,
 )
 from gateway.exchange.axis.terms import Terms
@@ -261,6 +263,8 @@ class Axis(AxisState):
             self.told_unsure = self.is_unsure
             if self.told_unsure:
                 detail = "where the axis is could not be told; it keeps its branch"
+                if self.is_out_of_sight:
+                    detail += "; its drive refuses to tell its actual position"
                 self.tell(EventKind.DIRECTION_UNSURE, detail)
         if not self.events:
             return ()
@@ -604,7 +608,13 @@ class Axis(AxisState):
             self.record.pause()
         self._lose_reach()
         self.actual = None
+        self.hear_place(Told.LINK_LOST)
         self.fall_silent(now_ns, now_ns)
+
+    def hear_place(self, told: Told) -> None:
+        """Take note of what its drive answers when the gateway asks it where the axis is."""
+        self.sight = SIGHT_AFTER[self.sight, told]
+        self.asked_actual = None if self.is_out_of_sight else self.asked(self.plan.actual)
 
     # --- a target on its way ---------------------------------------------------------------------------
 
