@@ -853,6 +853,14 @@ CLOSING: Final = (
     ),
     _small_staged("s-stored-refused", "must not run them", menu=("to", "run", "stored")),
     _small_staged("s-jog-on", "jogged by its controller", menu=("to", "run", "jog-on", "stop")),
+    _small_staged(
+        "s-jog-on-near",
+        "the same, to a place near its target, and its done bit may be old",
+        menu=("to", "run", "jog-on"),
+        targets=(2960, 9007),
+        drop_ticks=3,
+        ways=((*ask("to", 1), *ask("run"), ("arrive", 0), *ask("jog-on"), *ask("to", 0), *ask("run")),),
+    ),
     _small(
         "s-ways", "fast and slow path", menu=("to", "read", "status"), is_twin=True, checks_way_back=False
     ),

@@ -604,6 +604,9 @@ class World:
         for name in self.records.buffers if self.design.has_record else ():
             found = self.records.read(name)
             key += lens.token(None if found is None else found._replace(generation=0)).to_bytes(4, "big")
+            if found is not None and found.unproven is not None:  # how old that is decides what proves it
+                ticks = (kept.now_ns - found.unproven.state.at_ns) // TICK_NS
+                key += min(ticks, self.design.drop_ticks + 1).to_bytes(1, "big", signed=True)
         return key
 
     def parts(self) -> dict[str, int]:
