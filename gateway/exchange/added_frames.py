@@ -51,7 +51,7 @@ class Purpose(Enum):
 
 
 _PLACES: Final = frozenset({Purpose.ACTUAL, Purpose.LOOK})
-_LATER: Final = frozenset({ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE_BUSY})
+LATER: Final = frozenset({ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE_BUSY})
 """Exceptions which say that the same may be had later."""
 LOOKS: Final = 2
 """So often the place of an axis is read at the start, to tell whether it went to its last target."""
@@ -274,7 +274,7 @@ def is_asked_again(read: AddedFrame, reply: bytes, known: Known) -> bool:
     axis, name = read.axis, read.axis.plan.name
     is_first = not read.is_again and name not in known.refused
     known.refused.add(name)
-    if len(reply) > 1 and reply[1] in _LATER:
+    if len(reply) > 1 and reply[1] in LATER:
         return is_first
     axis.hear_place(Told.REFUSAL)
     return is_first and not axis.is_out_of_sight
