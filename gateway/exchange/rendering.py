@@ -138,8 +138,8 @@ def render_distance(
     place = Place(base.nominal_counts, PlaceKind.REACHED) if base.is_standing else None
     try:
         move = _plan_move(axis, nominal_counts, seen, place)
-        if base.is_assumed:
-            move = move._replace(state=move.state._replace(is_unsure=True))
+        is_unsure = move.state.is_unsure or base.is_assumed
+        move = move._replace(state=move.state._replace(is_unsure=is_unsure, at_ns=seen.now_ns))
         corrected_counts = nominal_counts + move.correction_counts
         steps = steps_of(field_, corrected_counts - base.corrected_counts)
         words = field_.pack(steps)
@@ -192,6 +192,8 @@ def needs_look(axis: Axis, now_ns: int, action: Action) -> bool:
 
 def lacks_look(axis: Axis, seen: Seen) -> bool:
     """Whether a target goes out once more unseen, because the drive does not say where the axis is (M6)."""
+    if axis.compensation.is_stream:
+        return False
     if not axis.is_out_of_sight:
         return seen.is_refused
     return axis.whereabouts in MAY_BE_ELSEWHERE or _is_doubtful(axis, seen.now_ns, Action.ABSOLUTE)

@@ -98,6 +98,15 @@ def test_m5_a_distance_that_was_obeyed_right_before_a_kill_counts_where_its_end_
     assert started.drive.moves[-1] == ("relative", 29_990.0)
 
 
+def test_m5_a_servo_that_stands_some_counts_off_is_at_its_end_too() -> None:
+    bench, records = killed()
+    bench.drive.arrive(standing_error=8)
+    started = again(bench, records, 1_300)
+    assert started.actual() == 35_008
+    assert not unsure(started)
+    assert started.accepted == (35_000, END)
+
+
 def test_m5_a_distance_that_never_came_to_the_drive_counts_where_its_start_is_seen_twice() -> None:
     bench, records = killed(runs=False)
     started = again(bench, records, 1_300)
@@ -313,6 +322,17 @@ def test_m6_a_target_on_the_way_of_the_one_before_counts_where_it_is_seen_twice(
     assert not unsure(started)
     assert started.move(35_000) == write(COMMAND, 34_990)
     assert started.move(36_000) == write(COMMAND, 36_010)
+
+
+def test_m6_a_servo_that_stands_some_counts_off_a_lost_target_is_not_on_its_way_to_the_one_before() -> None:
+    """It read 35 007 - 10: on the branch of 80 mm."""
+    bench, pdu = retargeted()
+    bench.memory.answer(pdu)
+    bench.memory.put(ACTUAL, 34_990 + 7)
+    bench.now_ns += 1_300 * MS
+    started = bench.restarted()
+    assert started.actual() == 35_007
+    assert not unsure(started)
 
 
 def test_m6_until_then_its_branch_is_flagged() -> None:

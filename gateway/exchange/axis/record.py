@@ -403,7 +403,7 @@ def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None
         return before if is_on_way else None
     from_move = abs(counts - move.corrected_counts)
     is_ambiguous = is_on_way and not (is_at_target or axis.compensation.is_stream)
-    if from_move <= near and is_ambiguous:
+    if from_move <= settings.in_position_counts and is_ambiguous:  # it may stand some counts off
         return Finding.EITHER
     if from_move <= near and not (is_at_target and from_target <= from_move):
         return Finding.AT_UNPROVEN
