@@ -138,6 +138,11 @@ def read_field(axis: Axis, purpose: Purpose, field: PositionField) -> AddedFrame
     return AddedFrame(axis, purpose, field.address, field.words)
 
 
+def once_more(read: AddedFrame) -> AddedFrame:
+    """Return the read of a position that no request needs, to go once more."""
+    return AddedFrame(read.axis, read.purpose, read.address, read.quantity, is_again=True)
+
+
 def read_word(axis: Axis, address: int) -> AddedFrame:
     """Return the read of a mode or trigger register."""
     return AddedFrame(axis, Purpose.RULE, address, 1)

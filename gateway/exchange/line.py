@@ -13,7 +13,6 @@ late reply never answers the next request (W6), a dead unit is answered for (W11
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from typing import Any, Final
 
 from gateway.exchange.access import only_reads
@@ -24,6 +23,7 @@ from gateway.exchange.added_frames import (
     learn,
     next_look,
     note_restaged,
+    once_more,
     reads_at_start,
     trial_read,
 )
@@ -416,7 +416,7 @@ class LineExchange(CuttingLine):
                 learn(frame, pdu, known, transaction.sent_ns)
             outcome = Outcome.EXCEPTION if is_exception(pdu) else Outcome.ACKNOWLEDGED
             self._ends.finish(transaction, outcome, now_ns)
-            following = replace(frame, is_again=True) if is_again else next_look(frame, transaction.sent_ns)
+            following = once_more(frame) if is_again else next_look(frame, transaction.sent_ns)
             self._waiting.add_own(following, now_ns)
             return
         transaction.learn()
