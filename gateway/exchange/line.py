@@ -416,8 +416,8 @@ class LineExchange(CuttingLine):
                 learn(frame, pdu, known, transaction.sent_ns)
             outcome = Outcome.EXCEPTION if is_exception(pdu) else Outcome.ACKNOWLEDGED
             self._ends.finish(transaction, outcome, now_ns)
-            following = once_more(frame) if is_again else next_look(frame, transaction.sent_ns)
-            self._waiting.add_own(following, now_ns)
+            following = None if is_exception(pdu) else next_look(frame, transaction.sent_ns)
+            self._waiting.add_own(once_more(frame) if is_again else following, now_ns)
             return
         transaction.learn()
         code = self._learn(transaction, frame, pdu, now_ns)

@@ -344,6 +344,22 @@ def test_w8_what_the_start_reads_is_asked_once_more_too() -> None:
         assert started.actual() == 20_000  # what passes decides then
 
 
+def test_w8_a_drive_of_a_stream_that_becomes_busy_is_watched_no_longer() -> None:
+    """It stood a millimetre behind its last setpoint when it was read first, and says "busy" from then on."""
+    bench = RecordBench(stream_plan())
+    for counts in (30_000, 30_100, 30_200):
+        bench.ask(write(COMMAND, counts))
+    memory = Reluctant()
+    memory.words = dict(bench.memory.words)
+    memory.put(ACTUAL, 29_000)
+    memory.refusals = [memory.answer(read(ACTUAL)), *[BUSY] * 500]
+    started = RecordBench(
+        *bench.plans, records=bench.records.copy(), memory=memory, start_ns=bench.now_ns + 5 * MS
+    )
+    assert started.seen == [read(ACTUAL)] * 3
+    assert len(memory.refusals) == 498
+
+
 def test_w8_a_first_setpoint_is_read_for_once_more() -> None:
     memory = Reluctant(BUSY)
     bench = Bench(stream_plan(table=WORN), memory=memory)
