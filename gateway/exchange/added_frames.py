@@ -272,7 +272,7 @@ def is_asked_again(read: AddedFrame, reply: bytes, known: Known) -> bool:
     """Whether a read of where an axis is was refused and may be had by asking once more (W8).
 
     After "busy" it is asked once more for each request; after any other exception until the drive has refused
-    twice in a row, and then not before the link comes up.
+    twice in a row (``SIGHT_AFTER``).
     """
     if read.purpose not in _PLACES or not is_exception(reply):
         return False

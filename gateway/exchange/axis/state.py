@@ -210,7 +210,7 @@ class Sight(Enum):
     REFUSED_ONCE = "refused-once"
     """It has answered one such read with an exception since the link came up."""
     REFUSED = "refused"
-    """It has done so twice in a row: it is not asked again before the link comes up."""
+    """It has done so twice in a row: it is not asked before it tells a controller, or the link comes up."""
 
 
 class Told(Enum):
@@ -219,6 +219,8 @@ class Told(Enum):
     __hash__ = object.__hash__
 
     PLACE = "place"
+    PASSING = "passing"
+    """A place, to a controller that asked for it."""
     REFUSAL = "refusal"
     """An exception that does not say "later"."""
     LINK_LOST = "link-lost"
@@ -227,12 +229,15 @@ class Told(Enum):
 
 SIGHT_AFTER: Final[dict[tuple[Sight, Told], Sight]] = {
     (Sight.OPEN, Told.PLACE): Sight.OPEN,
+    (Sight.OPEN, Told.PASSING): Sight.OPEN,
     (Sight.OPEN, Told.REFUSAL): Sight.REFUSED_ONCE,
     (Sight.OPEN, Told.LINK_LOST): Sight.OPEN,
     (Sight.REFUSED_ONCE, Told.PLACE): Sight.OPEN,
+    (Sight.REFUSED_ONCE, Told.PASSING): Sight.REFUSED_ONCE,
     (Sight.REFUSED_ONCE, Told.REFUSAL): Sight.REFUSED,
     (Sight.REFUSED_ONCE, Told.LINK_LOST): Sight.OPEN,
     (Sight.REFUSED, Told.PLACE): Sight.REFUSED,
+    (Sight.REFUSED, Told.PASSING): Sight.REFUSED_ONCE,
     (Sight.REFUSED, Told.REFUSAL): Sight.REFUSED,
     (Sight.REFUSED, Told.LINK_LOST): Sight.OPEN,
 }

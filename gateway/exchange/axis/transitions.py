@@ -64,6 +64,7 @@ from gateway.exchange.axis.state import (
     Rendering,
     Retained,
     Said,
+    Sight,
     Switched,
     Told,
     Whereabouts,
@@ -106,6 +107,7 @@ _SET_OUT: Final = Whereabouts.SET_OUT
 _STOPPED: Final = Whereabouts.STOPPED
 _ARRIVED: Final = Whereabouts.ARRIVED
 _NOTHING: Final = OnWire.NOTHING
+_REFUSED: Final = Sight.REFUSED
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
 
 _UNPROVEN: Final = frozenset({Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST})
@@ -1064,6 +1066,8 @@ class Axis(AxisState):
         was_unseen = self.is_unseen(asked_ns)
         self.actual = now
         self.heard_ns = asked_ns
+        if self.sight is _REFUSED:
+            self.hear_place(Told.PASSING)
         if self.record is not None and self.record.recalled is not None:
             self._decide_record(now)
         if self.unproven is not None:
