@@ -488,6 +488,12 @@ class AxisCompensation:
         if self._steps:
             self._end_run()
         self._accepted = target
+        self._readback = reached(self._readback, self.map_of(self._state), target)
+
+    def read_as_reached(self, move: Move, corrected_counts: Counts) -> None:
+        """Read the axis as if it stood at a target of which nobody knows whether it went there."""
+        target = Accepted(move.nominal_counts, corrected_counts)
+        self._readback = reached(self.readback, move.correction_map, target)
 
     def resume(
         self,

@@ -15,14 +15,14 @@ from typing import Final
 
 from gateway.drives.motion import Form
 from gateway.exchange.access import MEI_HEAD, swapped
-from gateway.exchange.axis.state import HOMING, Actual, Rendering
+from gateway.exchange.axis.state import HOMING, Actual, Rendering, Told
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of
-from gateway.exchange.plan import DONE_BIT
+from gateway.exchange.plan import DONE_BIT, MOVING_BIT
 from gateway.exchange.request import Known, Standing
 from gateway.exchange.unit import FieldHit
 from gateway.modbus.errors import RegisterRangeError
-from gateway.modbus.pdu import MEI_CANOPEN_GENERAL_REFERENCE, FunctionCode
+from gateway.modbus.pdu import MEI_CANOPEN_GENERAL_REFERENCE, ExceptionCode, FunctionCode, is_exception
 from gateway.modbus.registers import BitField, BitTable, PositionField
 
 _FUNCTIONS: Final = {
@@ -50,6 +50,11 @@ class Purpose(Enum):
     """Something of a drive that does not answer: whether it is there again."""
 
 
+_PLACES: Final = frozenset({Purpose.ACTUAL, Purpose.LOOK})
+LATER: Final = frozenset({ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE_BUSY})
+"""Exceptions which say that the same may be had later."""
+LOOKS: Final = 2
+"""So often the place of an axis is read at the start, to tell whether it went to its last target."""
 _WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.RULE})
 
 
@@ -70,6 +75,8 @@ class AddedFrame:
     """A look before a distance, which no place on the way is good for."""
     epoch: int = 0
     """Of its field, when it was made."""
+    is_again: bool = False
+    """A read that no request needs, once more after it was refused."""
 
     @property
     def pdu(self) -> bytes:
@@ -131,6 +138,11 @@ def read_field(axis: Axis, purpose: Purpose, field: PositionField) -> AddedFrame
     return AddedFrame(axis, purpose, field.address, field.words)
 
 
+def once_more(read: AddedFrame) -> AddedFrame:
+    """Return the read of a position that no request needs, to go once more."""
+    return AddedFrame(read.axis, read.purpose, read.address, read.quantity, is_again=True)
+
+
 def read_word(axis: Axis, address: int) -> AddedFrame:
     """Return the read of a mode or trigger register."""
     return AddedFrame(axis, Purpose.RULE, address, 1)
@@ -181,6 +193,34 @@ def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
     return [read for read in reads if read is not None]
 
 
+def next_look(read: AddedFrame, now_ns: int) -> AddedFrame | None:
+    """Return what is read next at the start, until an axis is known to have gone to its last target or not.
+
+    A drive that may be on its way is watched. Else its status bit, and where it stands, twice at most: the
+    traffic has to tell the rest.
+    """
+    axis, record = read.axis, read.axis.record
+    actual = axis.asked_actual
+    if record is None or actual is None or read.purpose not in (Purpose.ACTUAL, Purpose.STANDING):
+        return None
+    if record.wants_look:
+        return read
+    if record.looks > LOOKS or not axis.looks_wanted(now_ns):
+        return None
+    record.look_again()
+    bit = standing_bit(axis) if record.looks == 1 else None
+    return read_field(axis, Purpose.ACTUAL, actual) if bit is None else bit
+
+
+def standing_bit(axis: Axis) -> AddedFrame | None:
+    """Return the read of the bit that says whether an axis stands, where it has one."""
+    bits = axis.plan.bits
+    for name in (DONE_BIT, MOVING_BIT):
+        if name in bits:
+            return read_bit(axis, Purpose.STANDING, bits[name])
+    return None
+
+
 def restaging(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     """Return the next write that brings the drive's words in line with a rendering, if any (M2)."""
     addresses = addresses_to_restage(axis, rendering)
@@ -228,10 +268,27 @@ def note_restaged(frame: AddedFrame) -> None:
     frame.axis.restage(rendering, first, frame.words, frame.epoch)
 
 
+def is_asked_again(read: AddedFrame, reply: bytes, known: Known) -> bool:
+    """Whether a read of where an axis is was refused and may be had by asking once more (W8).
+
+    After "busy" it is asked once more for each request; after any other exception until the drive has refused
+    twice in a row (``SIGHT_AFTER``).
+    """
+    if read.purpose not in _PLACES or not is_exception(reply):
+        return False
+    axis, name = read.axis, read.axis.plan.name
+    is_first = not read.is_again and name not in known.refused
+    known.refused.add(name)
+    if len(reply) > 1 and reply[1] in LATER:
+        return is_first
+    axis.hear_place(Told.REFUSAL)
+    return is_first and not axis.is_out_of_sight
+
+
 def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
     """Take note of the reply to an added read, which says what held when it was asked for.
 
-    A refused one is not tried again for this request.
+    A refused one is not tried again for this request, but for :func:`is_asked_again`.
 
     A drive that will not tell whether it is homed is taken as not homed.
     """
@@ -244,6 +301,9 @@ def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
         axis.observe_bit(axis.homed_bit, asked_ns, is_set=words is not None and read.bit.is_set(_word(words)))
     elif read.purpose in (Purpose.ACTUAL, Purpose.LOOK):
         field = axis.plan.actual[0]
+        known.looks[name] = known.looks.get(name, 0) + 1
+        if words is not None:
+            axis.hear_place(Told.PLACE)
         known.actual[name] = None if words is None else axis.observe_actual(field, words, asked_ns)
         actual = known.actual[name]
         if read.purpose is Purpose.LOOK and actual is not None:

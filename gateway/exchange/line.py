@@ -18,8 +18,11 @@ from typing import Any, Final
 from gateway.exchange.added_frames import (
     AddedFrame,
     Purpose,
+    is_asked_again,
     learn,
+    next_look,
     note_restaged,
+    once_more,
     reads_at_start,
     trial_read,
 )
@@ -426,12 +429,14 @@ class LineExchange(CuttingLine):
         assert frame is not None
         if transaction.port is None:
             self.counters.added_reads += 1
-            learn(frame, pdu, Known(), transaction.sent_ns)
+            known = Known()
+            is_again = is_asked_again(frame, pdu, known)
+            if not is_again:
+                learn(frame, pdu, known, transaction.sent_ns)
             outcome = Outcome.EXCEPTION if is_exception(pdu) else Outcome.ACKNOWLEDGED
             self._ends.finish(transaction, outcome, now_ns)
-            record = frame.axis.record
-            if frame.purpose is Purpose.ACTUAL and record is not None and record.wants_look:
-                self._waiting.add_own(frame, now_ns)
+            following = None if is_exception(pdu) else next_look(frame, transaction.sent_ns)
+            self._waiting.add_own(once_more(frame) if is_again else following, now_ns)
             return
         transaction.learn()
         code = self._learn(transaction, frame, pdu, now_ns)
@@ -455,6 +460,8 @@ class LineExchange(CuttingLine):
             self.counters.added_reads += 1
             if frame.purpose is Purpose.LOOK:
                 transaction.excuse(now_ns - transaction.sent_ns)
+            if is_asked_again(frame, pdu, known) and now_ns <= transaction.leave_by_ns:
+                return None  # it is read again, if nothing else goes first
             learn(frame, pdu, known, transaction.sent_ns)
             return None
         if frame.is_acknowledged(pdu):

@@ -2,21 +2,21 @@
 
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import (
+    LOOKS,
     AddedFrame,
     Purpose,
     addresses_to_restage,
     homed_read,
-    read_bit,
     read_field,
     read_word,
     restaging,
+    standing_bit,
 )
 from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, TARGETED, Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.meaning import Meaning
-from gateway.exchange.plan import DONE_BIT, MOVING_BIT
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.rendering import (
     RefusedPositionError,
@@ -131,28 +131,33 @@ def read_for_run(
     request: Request, axis: Axis, number: int, words: bytes, action: Action
 ) -> AddedFrame | None:
     """Return what must be read before a whole target can be rendered."""
-    known = request.known
+    known, name = request.known, axis.plan.name
     actual = axis.asked_actual
     if not action.is_relative and axis.retained_as(number, words) is not None:
         is_seen = axis.is_seen_at_retained and not axis.is_unseen(request.now_ns)
-        if is_seen or actual is None or axis.plan.name in known.actual:
+        if is_seen or actual is None or name in known.actual:
             return None
         return AddedFrame(axis, Purpose.LOOK, actual.address, actual.words)
-    if actual is not None and axis.plan.name not in known.actual and needs_look(axis, request.now_ns, action):
-        return AddedFrame(
-            axis, Purpose.LOOK, actual.address, actual.words, is_for_distance=action.is_relative
-        )
+    if name not in known.actual and needs_look(axis, request.now_ns, action):
+        if actual is not None:
+            return AddedFrame(
+                axis, Purpose.LOOK, actual.address, actual.words, is_for_distance=action.is_relative
+            )
+        _go_unseen(request, axis, action)
     field = axis.plan.command[number]
     counts = counts_of(field, field.unpack(words))
     if action.is_relative:
         if axis.passes_unchanged:
             return None
-        added = _next_base_read(axis, action, known)
+        added = _next_base_read(axis, action, known, request.now_ns)
         base = base_of(axis, action, known)
         if added is not None or base is None or base.is_standing or not counts:
             return added
         counts += base.nominal_counts
-    if actual is None or axis.plan.name in known.actual or not needs_actual(axis, counts, request.now_ns):
+    if name in known.actual or not needs_actual(axis, counts, request.now_ns):
+        return None
+    if actual is None:
+        _go_unseen(request, axis, action)
         return None
     return read_field(axis, Purpose.ACTUAL, actual)
 
@@ -164,6 +169,12 @@ def read_for_staged(
     if axis.passes_unchanged and axis.retained_as(number, words) is None:
         return None
     return read_for_run(request, axis, number, words, action)
+
+
+def _go_unseen(request: Request, axis: Axis, action: Action) -> None:
+    """Its drive refuses to tell where the axis is: for a distance that counts as asked in vain (M5)."""
+    if action.is_relative:
+        request.known.actual[axis.plan.name] = None
 
 
 def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
@@ -323,18 +334,18 @@ def render_run(request: Request, axis: Axis, number: int, words: bytes, action: 
         raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
 
 
-def _next_base_read(axis: Axis, action: Action, known: Known) -> AddedFrame | None:
+def _next_base_read(axis: Axis, action: Action, known: Known, now_ns: int) -> AddedFrame | None:
     """Return what must be read next to know where a relative move starts; None when no reading helps."""
     if not axis.may_read or is_place_untold(axis, known) or base_of(axis, action, known) is not None:
         return None
-    name, bits = axis.plan.name, axis.plan.bits
-    if name not in known.standing:
-        for bit_name in (DONE_BIT, MOVING_BIT):
-            if bit_name in bits:
-                return read_bit(axis, Purpose.STANDING, bits[bit_name])
+    name = axis.plan.name
+    bit = None if name in known.standing else standing_bit(axis)
+    if bit is not None:
+        return bit
     actual, commanded = axis.asked_actual, axis.asked_commanded
     if axis.is_distance_unproven and actual is not None:
-        return None if name in known.actual else read_field(axis, Purpose.ACTUAL, actual)
+        is_told = name in known.actual and not (known.looks[name] < LOOKS and axis.looks_wanted(now_ns))
+        return None if is_told else read_field(axis, Purpose.ACTUAL, actual)
     if counts_from_commanded(axis, action):
         if commanded is not None and name not in known.commanded:
             return read_field(axis, Purpose.COMMANDED, commanded)

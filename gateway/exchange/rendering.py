@@ -36,6 +36,8 @@ class Seen(NamedTuple):
 
     now_ns: int
     fresh: Actual | None
+    is_refused: bool = False
+    """It was asked for, and the drive did not say."""
 
 
 class Base(NamedTuple):
@@ -145,8 +147,8 @@ def render_distance(
     place = Place(base.nominal_counts, PlaceKind.REACHED) if base.is_standing else None
     try:
         move = _plan_move(axis, nominal_counts, seen, place)
-        if base.is_assumed:
-            move = move._replace(state=move.state._replace(is_unsure=True))
+        is_unsure = move.state.is_unsure or base.is_assumed
+        move = move._replace(state=move.state._replace(is_unsure=is_unsure, at_ns=seen.now_ns))
         corrected_counts = nominal_counts + move.correction_counts
         steps = steps_of(field_, corrected_counts - base.corrected_counts)
         words = field_.pack(steps)
@@ -170,8 +172,11 @@ def needs_offset(axis: Axis) -> bool:
 
 
 def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
-    """Whether an actual position has to be read before this target can be rendered (M6)."""
-    if axis.asked_actual is None:
+    """Whether an actual position has to be read before this target can be rendered (M6).
+
+    That holds too where its drive refuses to tell it.
+    """
+    if axis.asked_actual is None and not axis.is_out_of_sight:
         return False
     if needs_offset(axis):
         return True
@@ -190,7 +195,17 @@ def needs_look(axis: Axis, now_ns: int, action: Action) -> bool:
 
     Never in a stream, and not where it makes no difference: a correction of one branch, an absolute target.
     """
-    return axis.asked_actual is not None and _is_doubtful(axis, now_ns, action)
+    is_asked = axis.asked_actual is not None or axis.is_out_of_sight
+    return is_asked and _is_doubtful(axis, now_ns, action)
+
+
+def lacks_look(axis: Axis, seen: Seen) -> bool:
+    """Whether a target goes out once more unseen, because the drive does not say where the axis is (M6)."""
+    if axis.compensation.is_stream:
+        return False
+    if not axis.is_out_of_sight:
+        return seen.is_refused
+    return axis.whereabouts in MAY_BE_ELSEWHERE or _is_doubtful(axis, seen.now_ns, Action.ABSOLUTE)
 
 
 def _is_doubtful(axis: Axis, now_ns: int, action: Action) -> bool:
@@ -266,9 +281,10 @@ def _flagged(unproven: Rendering) -> Rendering:
 def _plan_move(axis: Axis, nominal_counts: Counts, seen: Seen, place: Place | None = None) -> Move:
     compensation = axis.compensation
     accepted = compensation.accepted
-    now_ns, fresh = seen
+    now_ns, fresh, _ = seen
     if accepted is not None and accepted.nominal_counts == nominal_counts:
-        return compensation.again()  # the same target through another register of the axis
+        again = compensation.again()  # the same target, perhaps through another register of the axis
+        return again._replace(state=again.state._replace(is_unsure=True)) if lacks_look(axis, seen) else again
     if axis.terms is not None and axis.terms.is_due(now_ns):
         axis.follow_terms(now_ns)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
@@ -278,6 +294,7 @@ def _plan_move(axis: Axis, nominal_counts: Counts, seen: Seen, place: Place | No
     place = place or _known_place(axis, nominal_counts, now_ns)
     if place is None and fresh is not None:
         place = _measured(axis, fresh)
+        is_doubtful |= _may_have_passed(axis, nominal_counts, fresh, now_ns)
     if place is None and accepted is not None and not axis.plan.actual and "done" not in axis.plan.bits:
         # Nothing tells where this axis is; the order of its targets is the best there is, and flagged.
         place = Place(accepted.nominal_counts, PlaceKind.ASSUMED)
@@ -303,8 +320,24 @@ def _known_place(axis: Axis, nominal_counts: Counts, now_ns: int) -> Place | Non
     if age_ns > settings.fresh_ms * NS_PER_MS:
         return None
     place = _measured(axis, actual)
-    reach = settings.max_speed * age_ns / NS_PER_S * abs(settings.counts_per_unit)
-    return None if abs(nominal_counts - place.counts) <= reach else place
+    return None if abs(nominal_counts - place.counts) <= _reach_counts(axis, age_ns) else place
+
+
+def _reach_counts(axis: Axis, age_ns: int) -> float:
+    """How far the axis may have gone since it was seen; 0 where nothing says how fast it is."""
+    settings = axis.plan.settings
+    return settings.max_speed * age_ns / NS_PER_S * abs(settings.counts_per_unit)
+
+
+def _may_run(axis: Axis, actual: Actual) -> bool:
+    """Whether an axis may have been moving when it was seen, by something else than a target (M6)."""
+    return axis.whereabouts is Whereabouts.UNKNOWN and not axis.may_stand(actual.seen_ns)
+
+
+def _may_have_passed(axis: Axis, nominal_counts: Counts, fresh: Actual, now_ns: int) -> bool:
+    """Whether such an axis may have come past its target since it was read."""
+    away_counts = abs(nominal_counts - fresh.counts)
+    return _may_run(axis, fresh) and away_counts <= _reach_counts(axis, now_ns - fresh.seen_ns)
 
 
 def _measured(axis: Axis, actual: Actual) -> Place:
@@ -312,7 +345,7 @@ def _measured(axis: Axis, actual: Actual) -> Place:
     if axis.is_dry_run:
         return Place(actual.counts, PlaceKind.MEASURED)
     if axis.whereabouts not in ON_BRANCH:
-        return Place(actual.counts, PlaceKind.ON_DRIVE)
+        return Place(actual.counts, PlaceKind.ON_WAY if _may_run(axis, actual) else PlaceKind.ON_DRIVE)
     if not axis.knows_branch:
         return Place(actual.counts, PlaceKind.ON_WAY)
     # Nobody knows where it set out: a reading that still fades from there is no position, nor at its target.

@@ -43,6 +43,10 @@ class Known:
 
     actual: dict[str, Actual | None] = field(default_factory=dict)
     """By axis."""
+    looks: dict[str, int] = field(default_factory=dict)
+    """How often that was told, or not to be had, by axis."""
+    refused: set[str] = field(default_factory=set)
+    """Axes of which that was refused."""
     commanded: dict[str, float | None] = field(default_factory=dict)
     """The drive's own commanded position in counts, by axis."""
     standing: dict[str, Standing] = field(default_factory=dict)

@@ -23,6 +23,8 @@ from gateway.exchange.rendering import (
     RefusedPositionError,
     Seen,
     base_of,
+    is_place_untold,
+    lacks_look,
     nominal_limit,
     render,
     render_distance,
@@ -85,7 +87,7 @@ def prepare(request: Request, *, has_stop: bool = False) -> Rewriting:
         _prepare_write(rewriting, has_stop=has_stop)
     for name, run in request.known.runs.items():
         if name in rewriting.by_axis:
-            rewriting.by_axis[name].runs.append(run)
+            rewriting.by_axis[name].runs.append(_leaving(run, request.now_ns))
     rewriting.complete()
     for axis, written in rewriting.written:
         if axis.peers:
@@ -95,6 +97,12 @@ def prepare(request: Request, *, has_stop: bool = False) -> Rewriting:
     if access.read_quantity:
         _prepare_read(rewriting)
     return rewriting
+
+
+def _leaving(run: Rendering, now_ns: int) -> Rendering:
+    """Return what a trigger runs, as old as the trigger: its drive has not had the time to start before."""
+    move = run.move
+    return run if move is None else run._replace(move=move._replace(state=move.state._replace(at_ns=now_ns)))
 
 
 def _prepare_write(rewriting: Rewriting, *, has_stop: bool) -> None:
@@ -389,7 +397,7 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
             continue
         rendering: Rendering | None
         try:
-            if write.is_again:
+            if write.is_again and not lacks_look(axis, seen(request, axis)):
                 rendering = render_repeat(axis, number)
             elif action.is_relative:
                 rendering = render_relative(request, axis, number, words, action)
@@ -420,7 +428,8 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
 
 def seen(request: Request, axis: Axis) -> Seen:
     """Return what a target is rendered with: the time, and an actual position that was read for it."""
-    return Seen(request.now_ns, request.known.actual.get(axis.plan.name))
+    fresh = request.known.actual.get(axis.plan.name)
+    return Seen(request.now_ns, fresh, is_place_untold(axis, request.known))
 
 
 def render_relative(

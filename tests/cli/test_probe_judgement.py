@@ -250,6 +250,39 @@ async def test_a_register_that_the_drive_does_not_have_is_named() -> None:
     ]
 
 
+async def test_a_drive_that_refuses_to_tell_its_actual_position_is_named() -> None:
+    plan = axis()
+    memory = Memory(plan)
+    del memory.words[ACTUAL]
+    _, errors, _ = await look(plan, memory)
+    [error] = errors
+    assert error == (
+        "actual (0x0110): the drive refuses to be read there: exception 2 (illegal data address). So the "
+        "gateway cannot look where the axis is before it moves: it assumes the direction, flagged, and "
+        "refuses distances with exception 6; map another register, or take this one out of the map"
+    )
+
+
+@pytest.mark.parametrize("code", [5, 6])
+async def test_a_drive_that_is_busy_is_asked_once_more(code: int) -> None:
+    plan = axis()
+    memory = Memory(plan)
+    answer = memory.exchange
+    refused: list[bytes] = []
+
+    async def exchange(unit_id: int, pdu: bytes) -> bytes:
+        reply = await answer(unit_id, pdu)
+        if int.from_bytes(pdu[1:3], "big") == ACTUAL and not refused:
+            refused.append(pdu)
+            return bytes((pdu[0] | 0x80, code))
+        return reply
+
+    memory.exchange = exchange  # type: ignore[method-assign]
+    found, errors, _ = await look(plan, memory)
+    assert errors == []
+    assert found.of("actual") is not None
+
+
 @pytest.mark.parametrize(
     ("status", "weight", "said"),
     [

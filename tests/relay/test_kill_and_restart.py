@@ -270,6 +270,24 @@ def test_a_kill_in_a_move_leaves_reading_and_words_as_they_were(tmp_path: Path) 
         assert 24_950 < each.readings[-2] < 25_050
 
 
+def test_a_kill_with_a_target_on_the_way_of_the_one_before_leaves_the_reading_of_its_end(
+    tmp_path: Path,
+) -> None:
+    """It may have been stopped at 30 mm, or gone there: it read 30.01 mm until its next target."""
+    with machine(tmp_path / "x") as each:
+        each.drive.follows = False
+        each.run()
+        for counts in (20_000, 60_000):
+            each.command(counts)
+            each.drive.memory.put(ACTUAL, {20_000: each.drive.told[-1], 60_000: 45_000}[counts])
+            each.actual()
+        each.kill_during(30_000, is_taken=True)
+        assert each.drive.told[-1] == 30_010  # backward
+        each.drive.memory.put(ACTUAL, 30_010)
+        each.run()
+        assert each.actual() == 30_000
+
+
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [

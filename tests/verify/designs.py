@@ -545,6 +545,25 @@ CLOSING: Final = (
         targets=(9007,),
     ),
     _small(
+        "s-deaf-link",
+        "reads refused until the link is lost and comes back",
+        menu=("to",),
+        answers=("ack", "refuse"),
+        refuses_reads=True,
+        happenings=(*TIME, "unplug", "plug"),
+        targets=(-7003, 9007),
+        ways=(
+            (
+                *(("ask", 0, "to", 0, 1), ("drive", "ack"), ("drive", "ack"), ("arrive", 0)),
+                *(("ask", 0, "to", 0, 0), ("drive", "refuse"), ("drive", "refuse"), ("drive", "ack")),
+                *(("arrive", 0), ("wait",), ("wait",), ("wait",)),
+                *(("ask", 0, "to", 0, 1), ("drive", "ack"), ("arrive", 0)),  # it is not asked any more
+                *(("unplug",), ("plug",), ("ask", 0, "to", 0, 0), ("drive", "refuse")),
+                *(("drive", "ack"), ("drive", "ack"), ("arrive", 0)),
+            ),
+        ),
+    ),
+    _small(
         "s-link",
         "the link is lost and comes back",
         happenings=(*TIME, "unplug", "plug"),
@@ -580,11 +599,11 @@ CLOSING: Final = (
                 ("ask", 0, "to", 0, 0),
                 ("drive", "ack"),
                 ("ask", 0, "run", 0),
-                ("drive", "refuse"),
+                *(("drive", "refuse"),) * 2,
                 ("drive", "ack"),
                 ("arrive", 0),
                 ("kill",),
-                ("drive", "refuse"),
+                *(("drive", "refuse"),) * 2,
                 ("ask", 0, "jog-on", 0),
                 ("drive", "ack"),
             ),
@@ -916,6 +935,14 @@ CLOSING: Final = (
     ),
     _small_staged("s-stored-refused", "must not run them", menu=("to", "run", "stored")),
     _small_staged("s-jog-on", "jogged by its controller", menu=("to", "run", "jog-on", "stop")),
+    _small_staged(
+        "s-jog-on-near",
+        "the same, to a place near its target, and its done bit may be old",
+        menu=("to", "run", "jog-on"),
+        targets=(2960, 9007),
+        drop_ticks=3,
+        ways=((*ask("to", 1), *ask("run"), ("arrive", 0), *ask("jog-on"), *ask("to", 0), *ask("run")),),
+    ),
     _small(
         "s-ways", "fast and slow path", menu=("to", "read", "status"), is_twin=True, checks_way_back=False
     ),

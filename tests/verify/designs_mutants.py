@@ -37,6 +37,7 @@ def designs(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple[
     return (
         *_records(small, plan),
         _run(small_staged),
+        _distance(small_staged, staged),
         _kept(small),
         *_proofs(small),
         *_motions(small, small_staged, plan, staged),
@@ -104,6 +105,30 @@ def _run(staged: Make) -> Design:
         has_record=True,
         is_answered=False,
         ways=((*ask("to", 0), *ask("run"), ("arrive", 0), *ask("read"), *obeyed, ("kill",), SETTLE),),
+    )
+
+
+def _distance(small_staged: Make, staged: Plan) -> Design:
+    sent = (*ask("by", 0), ("ask", 0, "distance", 0), *(("drive", "ack"),) * 3)
+    unseen = (*ask("to", 0), *ask("run"), ("arrive", 0), *sent)
+    return small_staged(
+        "s-killed-distance",
+        "killed with a distance on the wire that ends on the way of the target before",
+        staged(travel=(-30.0, 30.0), bits={"moving": BITS["moving"]}),
+        menu=("to", "by", "run", "distance", "read"),
+        targets=(9007,),
+        distances=(-4003,),
+        answers=("ack", "obey"),
+        happenings=(*TIME, "kill"),
+        has_record=True,
+        is_answered=False,
+        response_ticks=2,
+        checks_way_back=False,
+        ways=(
+            (*unseen, ("drive", "obey"), ("arrive", 0), ("kill",), SETTLE, *ask("read"), *ask("distance")),
+            (*unseen, ("kill",), SETTLE, *ask("read"), *ask("distance")),
+            (*unseen, ("drive", "obey"), ("arrive", 0), ("kill",), ("kill",), SETTLE),
+        ),
     )
 
 

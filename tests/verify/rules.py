@@ -751,6 +751,9 @@ def is_of_record(world: "World", number: int, wire: "Wire | None") -> bool:
         return (
             is_known and (is_there or is_going) and (wire is None or wire.pdu[0] == 3 or not plan.has_rules)
         )
+    aim = wire.aim
+    if aim is not None and aim.base is not None and aim.state == "active":  # a distance, at its end (M5)
+        return aim.base[1] and wire.is_obeyed and is_there and not aim.is_unsure
     was = None if wire.aim is None else wire.aim.arrived
     if wire.aim is None or was is None or not wire.is_obeyed or wire.aim.is_unsure or plan.has_rules:
         return False
@@ -772,6 +775,9 @@ def _judge_record(world: "World", number: int) -> None:
             f"the axis was killed on its way to {run.end_counts}, is seen at {axis.stands_counts}, and its "
             "record does not count (5)"
         )
+    if run.is_open:  # it reads what it should (``_recall_stop``), and is flagged
+        note_run(world, number, is_recalled=False, is_open=False)
+        return
     # The same target again is the same words, and needs no read: the record says what the drive holds.
     is_acked = axis.goes_counts is None and not world.design.plans[number].has_rules and not run.doubt
     seen = run.kept_seen if axis.goes_counts is None else 0

@@ -93,7 +93,7 @@ NOT_COMPARED: Final = {
     "blocked_in_epoch": "the same",
     "_at_ns": "of a run of targets, which ends before a state is kept",
     "told_restaged_ns": "counts a minute, longer than any trace; whether there is one the world knows",
-    "at_ns": "moves a blend by time only, which no world has",
+    "at_ns": "moves a blend by time only, which no world has; of a target in a record ``World.key`` has it",
     "transaction_id": "only the reply carries it",
     "started_ns": "figures of an exchange",
     "queue_ns": "figures of an exchange",

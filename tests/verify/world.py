@@ -278,6 +278,8 @@ class Run(NamedTuple):
     """Since it was told, while it stood there: bit 0, its place was read; bit 1, its drive said done."""
     is_recalled: bool = False
     """The gateway was killed since and has its record: it is told again as soon as the axis is seen there."""
+    is_open: bool = False
+    """It is recalled, a distance, and until it was seen at its end twice nobody knows that it ran (M5)."""
     is_done_since: bool = False
     """Its drive has said done since."""
     lost_ns: int = 0
@@ -614,6 +616,9 @@ class World:
         for name in self.records.buffers if self.design.has_record else ():
             found = self.records.read(name)
             key += lens.token(None if found is None else found._replace(generation=0)).to_bytes(4, "big")
+            if found is not None and found.unproven is not None:  # how old that is decides what proves it
+                ticks = (kept.now_ns - found.unproven.state.at_ns) // TICK_NS
+                key += min(ticks, self.design.drop_ticks + 1).to_bytes(1, "big", signed=True)
         return key
 
     def parts(self) -> dict[str, int]:
@@ -1164,7 +1169,9 @@ class World:
                     kept_seen=seen, is_held=run.is_held and not is_restart,
                     is_set_out=run.is_set_out and (is_known or not is_restart),
                 )  # fmt: skip
-                self._set(number, axis._replace(run=run._replace(is_recalled=is_known)))
+                is_distance = wire is not None and wire.aim is not None and wire.aim.base is not None
+                run = run._replace(is_recalled=is_known, is_open=is_known and (is_distance or run.is_open))
+                self._set(number, axis._replace(run=run))
 
     def _on_table(self) -> None:
         number = 1 - self.state.table

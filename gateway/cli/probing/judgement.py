@@ -13,6 +13,10 @@ from gateway.exchange.plan import ALARM_BIT, DONE_BIT, HOMED_BIT, MOVING_BIT, Ax
 from gateway.modbus.registers import PositionField, WordOrder
 
 FORBID: Final = "write checks_crc = false into its registers, so that nothing is cut through to it"
+UNSEEN: Final = (
+    "So the gateway cannot look where the axis is before it moves: it assumes the direction, flagged, and "
+    "refuses distances with exception 6; map another register, or take this one out of the map"
+)
 HIGH_WORD: Final = 0x10000
 
 
@@ -131,7 +135,8 @@ def _answers(found: AxisReadings) -> Iterator[Finding]:
         return
     for reading in found.readings.values():
         if reading.problem:
-            yield _error(f"{reading.place}: {reading.problem}")
+            unseen = f". {UNSEEN}" if reading.is_refused and reading.place.name == "actual" else ""
+            yield _error(f"{reading.place}: {reading.problem}{unseen}")
     if not found.plan.actual:
         yield _warning("no actual position is mapped: the gateway cannot see where the axis is")
     for why in found.left_out:

@@ -6,7 +6,7 @@ from enum import Enum
 from math import isfinite
 from typing import Final, Protocol
 
-from gateway.exchange.added_frames import AddedFrame, Purpose, read_bit, read_field
+from gateway.exchange.added_frames import LATER, AddedFrame, Purpose, read_bit, read_field
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.plan import LinePlan
@@ -70,6 +70,7 @@ class Reading:
     is_silent: bool = False
     instead: str = ""
     """What the drive did in the place of an answer."""
+    is_refused: bool = False
 
     @property
     def raw(self) -> float | None:
@@ -223,12 +224,15 @@ async def _read(master: Asking, axis: Axis, place: Place) -> Reading:
     frame = frame_of(axis, place)
     try:
         reply = await master.exchange(axis.plan.unit_id, frame.pdu)
+        if is_exception(reply) and reply[-1] in LATER:  # as the gateway does it
+            reply = await master.exchange(axis.plan.unit_id, frame.pdu)
     except OtherIdError as error:
         return Reading(place, problem=str(error), instead=str(error))
     except NoReplyError as error:
         return Reading(place, problem=str(error), is_silent=True)
     if is_exception(reply):
-        return Reading(place, problem=f"the drive refuses to be read there: {_exception(reply)}")
+        why = f"the drive refuses to be read there: {_exception(reply)}"
+        return Reading(place, problem=why, is_refused=True)
     words = frame.words_of(reply)
     if words is None:
         return Reading(place, problem=f"the reply is none to what was asked: {reply.hex(' ')}")

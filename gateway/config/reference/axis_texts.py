@@ -162,7 +162,11 @@ AXIS: Final[Texts] = {
         kind="list of `{ axis, table, fresh_s }`",
     ),
     "added_frames": Said(
-        meaning="`never`: the gateway sends no frame of its own, and what needs one is refused",
+        meaning=(
+            "`never`: the gateway sends no frame of its own. A trigger whose target would have to be written "
+            "anew and a distance whose start would have to be read are refused; where only a reading would "
+            "tell the direction it is kept and flagged"
+        ),
     ),
     "writers": Said(
         meaning=(

@@ -35,6 +35,7 @@ from gateway.exchange.axis.state import (
     Actual,
     AxisState,
     OnWire,
+    Proof,
     Referenced,
     Whereabouts,
 )
@@ -89,7 +90,7 @@ class Finding(Enum):
     ON_WAY_TO_UNPROVEN = "on-way-to-unproven"
     """On the way to that one, where no other target can have brought it."""
     EITHER = "either"
-    """At that one, and on the way to the last accepted target: nobody knows which of them it went to."""
+    """At that one, and on the way to the last accepted target: nobody knows yet which of them it went to."""
 
 
 PROVEN: Final = frozenset({Finding.AT_UNPROVEN, Finding.ON_WAY_TO_UNPROVEN})
@@ -113,6 +114,7 @@ class Record:
         "fate",
         "finding",
         "first",
+        "looks",
         "recalled",
     )
 
@@ -134,6 +136,8 @@ class Record:
         self.first: Actual | None = None
         """Where the drive was read to be first."""
         self.finding: tuple[Finding, Actual] | None = None
+        self.looks = 0
+        """How often something was read of the drive since, to tell whether it has got its last target."""
         if recalled is None:
             self.clear()
 
@@ -147,6 +151,10 @@ class Record:
     def look_first(self, actual: Actual) -> None:
         """The drive has to be watched: one that comes nearer to its target is on its way there."""
         self.first = self.first or actual
+
+    def look_again(self) -> None:
+        """The drive is read once more, to tell whether it has got its last target."""
+        self.looks += 1
 
     def fit(self, finding: Finding, actual: Actual) -> None:
         """It counts, as far as this axis is concerned."""
@@ -340,7 +348,9 @@ def find(axis: AxisState, record: Remembered, first: Actual, now: Actual) -> Fin
         now: the last one; the same at the first look.
     """
     finding = _find(axis, record, now.counts)
-    if finding is Finding.EITHER:
+    move = record.unproven
+    is_distance = move is not None and move.is_distance
+    if finding is Finding.EITHER and not (is_distance or proof_of(axis, record, finding) is Proof.TWO):
         here, before = f"{now.counts:.10g} counts", f"{record.corrected_counts:.10g}"
         return (
             f"the drive stands at {here}, which is a lost target, and on the way to the one before, {before}"
@@ -393,7 +403,7 @@ def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None
         return before if is_on_way else None
     from_move = abs(counts - move.corrected_counts)
     is_ambiguous = is_on_way and not (is_at_target or axis.compensation.is_stream)
-    if from_move <= near and is_ambiguous:
+    if from_move <= settings.in_position_counts and is_ambiguous:  # it may stand some counts off
         return Finding.EITHER
     if from_move <= near and not (is_at_target and from_target <= from_move):
         return Finding.AT_UNPROVEN
@@ -403,6 +413,21 @@ def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None
     if low - near <= counts <= high + near:
         return Finding.ON_WAY_TO_UNPROVEN
     return None
+
+
+def proof_of(axis: AxisState, record: Remembered, finding: Finding) -> Proof:
+    """Return what it takes to tell whether the target went that was on its way to the drive.
+
+    Of a machine that was switched off since nobody knows what was done to it meanwhile: it counts only where
+    it stands at the target before.
+    """
+    move = record.unproven
+    if move is None or not (move.is_distance or finding is Finding.EITHER):
+        return Proof.ONE
+    if not (record.has_target and (record.is_of_this_boot or finding is Finding.AT_TARGET)):
+        return Proof.NONE
+    apart_counts = abs(move.corrected_counts - record.corrected_counts)
+    return Proof.TWO if apart_counts > 2.0 * axis.plan.settings.in_position_counts else Proof.NONE
 
 
 def state_of(axis: AxisState, numbers: RememberedState, find_table: FindTable, now_ns: int) -> State:

@@ -237,6 +237,101 @@ class OnWire(Enum):
     """Something that moves it in a way which nobody can say."""
 
 
+class Sight(Enum):
+    """Whether the drive tells where its axis stands when the gateway asks for it (W8)."""
+
+    __hash__ = object.__hash__
+
+    OPEN = "open"
+    """Nothing says that it does not."""
+    REFUSED_ONCE = "refused-once"
+    """It has answered one such read with an exception since the link came up."""
+    REFUSED = "refused"
+    """It has done so twice in a row: it is not asked before it tells a controller, or the link comes up."""
+
+
+class Told(Enum):
+    """What the drive answers when it is asked where its axis stands."""
+
+    __hash__ = object.__hash__
+
+    PLACE = "place"
+    PASSING = "passing"
+    """A place, to a controller that asked for it."""
+    REFUSAL = "refusal"
+    """An exception that does not say "later"."""
+    LINK_LOST = "link-lost"
+    """Nothing; behind the next link another drive may stand, or the same one with other settings."""
+
+
+SIGHT_AFTER: Final[dict[tuple[Sight, Told], Sight]] = {
+    (Sight.OPEN, Told.PLACE): Sight.OPEN,
+    (Sight.OPEN, Told.PASSING): Sight.OPEN,
+    (Sight.OPEN, Told.REFUSAL): Sight.REFUSED_ONCE,
+    (Sight.OPEN, Told.LINK_LOST): Sight.OPEN,
+    (Sight.REFUSED_ONCE, Told.PLACE): Sight.OPEN,
+    (Sight.REFUSED_ONCE, Told.PASSING): Sight.REFUSED_ONCE,
+    (Sight.REFUSED_ONCE, Told.REFUSAL): Sight.REFUSED,
+    (Sight.REFUSED_ONCE, Told.LINK_LOST): Sight.OPEN,
+    (Sight.REFUSED, Told.PLACE): Sight.REFUSED,
+    (Sight.REFUSED, Told.PASSING): Sight.REFUSED_ONCE,
+    (Sight.REFUSED, Told.REFUSAL): Sight.REFUSED,
+    (Sight.REFUSED, Told.LINK_LOST): Sight.OPEN,
+}
+"""Where each answer leads."""
+
+
+class Proof(Enum):
+    """What readings have told of a target without an acknowledgement that is proven at its ends (M5)."""
+
+    __hash__ = object.__hash__
+
+    ONE = "one"
+    """The next one at an end decides."""
+    TWO = "two"
+    """Two in a row at one end decide: it was on its way when the gateway ended, and its record names it."""
+    AT_START = "at-start"
+    """The first of the two was at its start."""
+    AT_END = "at-end"
+    """The first of the two was at its end."""
+    NONE = "none"
+    """None decides: the machine was switched off since, or its ends are too near each other."""
+    RAN = "ran"
+    RAN_NOT = "ran-not"
+
+
+class End(Enum):
+    """At which end of its way an axis is seen."""
+
+    __hash__ = object.__hash__
+
+    START = "start"
+    END = "end"
+    NEITHER = "neither"
+    """At neither, or where both windows overlap."""
+
+
+PROOF_AFTER: Final[dict[tuple[Proof, End], Proof]] = {
+    (Proof.ONE, End.START): Proof.RAN_NOT,
+    (Proof.ONE, End.END): Proof.RAN,
+    (Proof.ONE, End.NEITHER): Proof.ONE,
+    (Proof.TWO, End.START): Proof.AT_START,
+    (Proof.TWO, End.END): Proof.AT_END,
+    (Proof.TWO, End.NEITHER): Proof.TWO,
+    (Proof.AT_START, End.START): Proof.RAN_NOT,
+    (Proof.AT_START, End.END): Proof.AT_END,
+    (Proof.AT_START, End.NEITHER): Proof.TWO,
+    (Proof.AT_END, End.START): Proof.AT_START,
+    (Proof.AT_END, End.END): Proof.RAN,
+    (Proof.AT_END, End.NEITHER): Proof.TWO,
+    (Proof.NONE, End.START): Proof.NONE,
+    (Proof.NONE, End.END): Proof.NONE,
+    (Proof.NONE, End.NEITHER): Proof.NONE,
+}
+"""What each reading of an axis that may stand makes of it. What decides is there no more."""
+AT_ONE_END: Final = frozenset({Proof.AT_START, Proof.AT_END})
+
+
 @dataclass(slots=True)
 class Actual:
     """The last actual position seen, as the drive reported it."""
@@ -263,6 +358,8 @@ class Rendering(NamedTuple):
     """Of one that was not acknowledged: the drive held these words before, so to read them proves nothing."""
     is_beside_another: bool = False
     """Of such: the target right before it is so near that to see the axis there proves nothing."""
+    proof: Proof = Proof.ONE
+    """Of such, where its start is known: what readings at its ends have told by now."""
 
 
 class Retained(NamedTuple):
@@ -344,6 +441,7 @@ class AxisState:
         "rules",
         "said",
         "sent_off_ns",
+        "sight",
         "silent_since_ns",
         "silent_until_ns",
         "switched",
@@ -369,9 +467,11 @@ class AxisState:
         """Whether a frame to it may mean something else than positions to be gone to at once."""
         self.may_read = plan.safe_read and plan.added_frames
         """Whether the gateway may add reads of this axis's registers (W8)."""
-        self.asked_actual = self._asked(plan.actual)
+        self.asked_actual = self.asked(plan.actual)
         """The actual position that the gateway may read by itself (W8); None: it only sees it in passing."""
-        self.asked_commanded = self._asked(plan.commanded)
+        self.sight = Sight.OPEN
+        """Whether its drive tells that; where it does not, ``asked_actual`` is None."""
+        self.asked_commanded = self.asked(plan.commanded)
         """The same of the drive's own commanded position."""
         # --- whether its positions mean anything
         self.reference = Referenced.FOUND
@@ -528,8 +628,7 @@ class AxisState:
     @property
     def is_unsure(self) -> bool:
         """Whether the branch in force was assumed, where there are two and they count."""
-        unproven = self.unproven
-        is_assumed = self.compensation.is_unsure or (unproven is not None and unproven.is_distance)
+        is_assumed = self.compensation.is_unsure or self.is_distance_unproven
         return is_assumed and self.has_branches and not self.compensation.is_passing
 
     @property
@@ -544,8 +643,29 @@ class AxisState:
 
     @property
     def is_distance_unproven(self) -> bool:
-        """Whether a distance was sent of which nobody knows if it ran: its axis is at one of two places."""
-        return self.unproven is not None and self.unproven.is_distance
+        """Whether a distance was sent of which nobody knows if it ran: its axis is at one of two places.
+
+        So it is with a target that the axis may have gone to or have come past (``record.Finding.EITHER``).
+        """
+        unproven = self.unproven
+        return unproven is not None and (unproven.is_distance or unproven.proof is not Proof.ONE)
+
+    @property
+    def is_out_of_sight(self) -> bool:
+        """Whether it is not asked where it is because its drive refuses to tell."""
+        return self.sight is Sight.REFUSED
+
+    def looks_wanted(self, now_ns: int) -> int:
+        """How often it has to be read to tell whether it went, of a target that its record names; 0: not."""
+        unproven = self.unproven
+        if unproven is None or unproven.proof in (Proof.ONE, Proof.NONE) or not self.may_stand(now_ns):
+            return 0
+        return 1 if unproven.proof in AT_ONE_END else 2
+
+    @property
+    def says_done(self) -> bool:
+        """Of an axis at rest whose target is not proven: whether its drive says so, where it has a bit."""
+        return DONE_BIT not in self.plan.bits or self.whereabouts is Whereabouts.UNPROVEN_AT_REST
 
     def is_unseen(self, now_ns: int) -> bool:
         """Whether somebody may have moved it since anything was heard of it or said to it (M5, M6)."""
@@ -567,7 +687,8 @@ class AxisState:
         """Whether a position that was asked for then may be that of an axis that has come to rest."""
         return self.has_started(asked_ns) and self.said is not Said.MOVES
 
-    def _asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
+    def asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
+        """Return the one of some positions that the gateway may read by itself; None: none."""
         return fields[0] if self.may_read and fields and fields[0].is_readable else None
 
     # --- what the drive holds --------------------------------------------------------------------------

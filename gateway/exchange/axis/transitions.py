@@ -40,29 +40,37 @@ from gateway.exchange.axis.record import (
     find,
     lacks_reference,
     may_have_stopped,
+    proof_of,
     state_of,
 )
 from gateway.exchange.axis.record_layout import Remembered, RememberedMove
 from gateway.exchange.axis.registers import JOIN_NS, Loss
 from gateway.exchange.axis.state import (
+    AT_ONE_END,
     AT_REST,
     HOMING,
     HOMING_SETTLE_NS,
     ON_BRANCH,
     ON_WAY,
+    PROOF_AFTER,
     RETAINING,
+    SIGHT_AFTER,
     TARGETED,
     WAS_THERE,
     Actual,
     AxisState,
     Block,
+    End,
     Fixed,
     OnWire,
+    Proof,
     Referenced,
     Rendering,
     Retained,
     Said,
+    Sight,
     Switched,
+    Told,
     Whereabouts,
 )
 from gateway.exchange.axis.terms import Terms
@@ -103,6 +111,7 @@ _SET_OUT: Final = Whereabouts.SET_OUT
 _STOPPED: Final = Whereabouts.STOPPED
 _ARRIVED: Final = Whereabouts.ARRIVED
 _NOTHING: Final = OnWire.NOTHING
+_REFUSED: Final = Sight.REFUSED
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
 
 _UNPROVEN: Final = frozenset({Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST})
@@ -261,6 +270,8 @@ class Axis(AxisState):
             self.told_unsure = self.is_unsure
             if self.told_unsure:
                 detail = "where the axis is could not be told; it keeps its branch"
+                if self.is_out_of_sight:
+                    detail += "; its drive refuses to tell its actual position"
                 self.tell(EventKind.DIRECTION_UNSURE, detail)
         if not self.events:
             return ()
@@ -763,7 +774,13 @@ class Axis(AxisState):
             self.record.pause()
         self._lose_reach()
         self.actual = None
+        self.hear_place(Told.LINK_LOST)
         self.fall_silent(now_ns, now_ns)
+
+    def hear_place(self, told: Told) -> None:
+        """Take note of what its drive answers when the gateway asks it where the axis is."""
+        self.sight = SIGHT_AFTER[self.sight, told]
+        self.asked_actual = None if self.is_out_of_sight else self.asked(self.plan.actual)
 
     # --- a target on its way ---------------------------------------------------------------------------
 
@@ -1237,6 +1254,8 @@ class Axis(AxisState):
         was_unseen = self.is_unseen(asked_ns)
         self.actual = now
         self.heard_ns = asked_ns
+        if self.sight is _REFUSED:
+            self.hear_place(Told.PASSING)
         if self.record is not None and self.record.recalled is not None:
             self._decide_record(now)
         if self.unproven is not None:
@@ -1255,8 +1274,8 @@ class Axis(AxisState):
 
     def _prove(self, unproven: Rendering, before: Actual | None, now: Actual) -> None:
         """Take a target without a reply as accepted when the axis is seen to have gone there (M7)."""
-        if unproven.is_distance:
-            self.prove_distance(now)
+        if self.is_distance_unproven:
+            self.prove_distance(now, before)
             return
         if before is None or unproven.move is None or unproven.is_beside_another:
             return
@@ -1265,24 +1284,34 @@ class Axis(AxisState):
         if abs(now.counts - end) <= near < abs(before.counts - end):
             self.go(unproven, unproven.move, now.seen_ns)
 
-    def prove_distance(self, now: Actual) -> None:
+    def prove_distance(self, now: Actual, before: Actual | None = None) -> None:
         """Find out whether a distance that was never acknowledged has run: from which of its ends (M5).
 
         Only of an axis that has had the time to start and may stand. At neither of the ends, or at both,
-        nobody knows where the next distance would begin.
+        nobody knows where the next distance would begin. So it is with a target that a record names.
         """
         unproven = self.unproven
-        if unproven is None or not unproven.is_distance or unproven.start is None or unproven.move is None:
+        if unproven is None or unproven.start is None or unproven.move is None:
             return
-        if not self.may_stand(now.seen_ns):
+        proof = unproven.proof
+        if not self.may_stand(now.seen_ns) or not (proof is Proof.ONE or self.says_done):
             return
-        window = self.plan.settings.in_position_counts
+        settings = self.plan.settings
+        window = settings.in_position_counts
         is_at_end = abs(now.counts - unproven.corrected_counts) <= window
         is_at_start = abs(now.counts - unproven.start.corrected_counts) <= window
-        if is_at_end and not is_at_start:
+        end = End.NEITHER if is_at_end is is_at_start else End.END if is_at_end else End.START
+        if proof in AT_ONE_END and (
+            before is None or abs(now.counts - before.counts) > settings.hysteresis_counts
+        ):
+            proof = Proof.TWO  # it creeps
+        proof = PROOF_AFTER[proof, end]
+        if proof is Proof.RAN:
             self.go(unproven, unproven.move, now.seen_ns)
-        elif is_at_start and not is_at_end:
+        elif proof is Proof.RAN_NOT:
             self._run_not(unproven.start)
+        elif proof is not unproven.proof:
+            self.unproven = self._marked(unproven, unproven._replace(proof=proof))
 
     def note_rule(self, address: int, word: int) -> None:
         """Note what a mode or trigger register was read to hold."""
@@ -1491,7 +1520,7 @@ class Axis(AxisState):
             return
         self._restore(recalled, state, is_at_target=finding is Finding.AT_TARGET)
         if move is not None and after is not None:
-            self._restore_unproven(move, after, finding)
+            self._restore_unproven(recalled, move, after, finding)
         self._resume_terms(actual.seen_ns)
         if not self.is_referenced:
             self.displace(keeps_branch=self.compensation.is_stream)
@@ -1501,12 +1530,13 @@ class Axis(AxisState):
         position = (
             self.compensation.machine_position(self.nominal_of(actual.counts)) - settings.machine_offset
         )
+        is_open = "; whether it has gone there is not certain yet" if self.is_distance_unproven else ""
         self.tell(
             EventKind.RESTORED,
             f"goes on from its record: nominal {position:.6g} {settings.units.value}, the drive at "
             f"{actual.counts:.10g} counts, {in_force.travel.direction.name.lower()}, progress of a reversal "
             f"{in_force.progress:.3g}, of a change-over {in_force.change:.3g}, generation "
-            f"{recalled.generation}",
+            f"{recalled.generation}{is_open}",
         )
 
     def _restore(self, recalled: Remembered, state: State, *, is_at_target: bool) -> None:
@@ -1540,7 +1570,9 @@ class Axis(AxisState):
                 field_.pack(raw_of(field_, accepted.corrected_counts)),
             )
 
-    def _restore_unproven(self, move: RememberedMove, after: State, finding: Finding) -> None:
+    def _restore_unproven(
+        self, recalled: Remembered, move: RememberedMove, after: State, finding: Finding
+    ) -> None:
         """Take the target that was on its way as accepted, or as one that nobody acknowledged."""
         field_ = self.plan.command[move.number]
         nominal_words = corrected_words = b""
@@ -1549,7 +1581,10 @@ class Axis(AxisState):
             corrected_words = field_.pack(raw_of(field_, move.corrected_counts))
         correction_counts = move.corrected_counts - move.nominal_counts
         planned = Move(move.nominal_counts, correction_counts, self.compensation.map_of(after), after)
-        start = self.compensation.accepted if move.is_distance else None
+        proof = proof_of(self, recalled, finding)
+        start = None
+        if recalled.has_target and (move.is_distance or proof is not Proof.ONE):
+            start = Accepted(recalled.nominal_counts, recalled.corrected_counts)
         rendering = Rendering(
             move.number,
             nominal_words,
@@ -1558,10 +1593,14 @@ class Axis(AxisState):
             planned,
             move.is_distance,
             start,
+            proof=proof,
         )
         if finding not in PROVEN:
             self.pending = rendering  # its record goes on to name it, for the next start as for this one
-            self.leave_unproven(rendering, self.heard_ns)
+            is_timed = recalled.is_of_this_boot and proof is Proof.TWO
+            self.leave_unproven(rendering, after.at_ns if is_timed else self.heard_ns)
+            if finding is Finding.EITHER:
+                self.compensation.read_as_reached(planned, move.corrected_counts)
             return
         if self.plan.has_rules:
             self.go(rendering, planned, self.heard_ns)

@@ -1,0 +1,393 @@
+"""Killed with a distance or a target that nobody saw acknowledged: at which of its ends is the axis?"""
+
+from typing import Any
+
+import pytest
+
+from gateway.exchange.axis.state import PROOF_AFTER, End, Proof
+from gateway.exchange.plan import AxisPlan
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
+from tests.exchange.record_bench import RecordBench, Records
+from tests.exchange.staged_bench import (
+    COMMANDED,
+    RUN_RELATIVE_PDU,
+    STATUS,
+    STOP_PDU,
+    StagedBench,
+    StagedDrive,
+    staged_plan,
+)
+
+READ_STATUS = bytes.fromhex("03 005C 0001")
+START, END = 50_010, 34_990
+"""Where the distance of -15 mm from 50 mm begins, forward, and where it ends, backward; it lies on the way
+from 20 mm, so that the axis may have been stopped there as well."""
+
+
+class Started(StagedBench):
+    """A gateway that is started in front of a drive as it is, at an instant."""
+
+    def __init__(
+        self, records: Records, drive: StagedDrive, start_ns: int, plan: AxisPlan | None = None, **others: Any
+    ) -> None:
+        def attach(line: Any) -> None:
+            self.now_ns = start_ns
+            self.memory = self.drive = drive
+            records.attach(line)
+
+        super().__init__(plan or staged_plan(), before_up=attach, **others)
+        self.drive = drive
+
+    @property
+    def accepted(self) -> object:
+        """The last target that counts."""
+        return self.line.axes[0].compensation.accepted
+
+
+def unsure(bench: Bench) -> bool:
+    return bench.line.axes[0].is_unsure
+
+
+def is_open(bench: Bench) -> bool:
+    return bench.line.axes[0].is_distance_unproven
+
+
+def killed(*, runs: bool = True, distance: int = -15_000, **changes: Any) -> tuple[StagedBench, Records]:
+    """An axis that went from 20 to 50 mm unseen, and then a distance whose reply was never taken note of."""
+    records = Records()
+    bench = StagedBench(staged_plan(**changes), before_up=records.attach)
+    bench.go_to(20_000)
+    bench.stage(50_000)
+    bench.trigger()
+    bench.drive.arrive()
+    bench.stage(distance)
+    bench.send(RUN_RELATIVE_PDU)
+    while (pdu := bench.link.take()) != RUN_RELATIVE_PDU:
+        bench.line.reply(1, bench.memory.answer(pdu), bench.now_ns)
+    record = records.read()
+    assert record is not None
+    assert record.unproven is not None
+    assert not record.was_at_target
+    if runs:
+        bench.memory.answer(pdu)
+        assert bench.drive.moves[-1] == ("relative", float(START + distance - 20))
+        bench.drive.arrive()
+    return bench, records
+
+
+def again(bench: StagedBench, records: Records, after_ms: float, plan: AxisPlan | None = None) -> Started:
+    return Started(records.copy(), bench.drive, bench.now_ns + int(after_ms * MS), plan)
+
+
+# --- a distance that ends on the way of the target before ---------------------------------------------------
+
+
+def test_m5_a_distance_that_was_obeyed_right_before_a_kill_counts_where_its_end_is_seen_twice() -> None:
+    """Before: "the drive stands at 34990 counts, which is a lost target…", it read 34 990, and a distance
+    went from there."""
+    bench, records = killed()
+    started = again(bench, records, 1_300)
+    # Where it stands, then whether it is done, and where it stands twice more.
+    assert started.seen == [read(ACTUAL), READ_STATUS, read(ACTUAL), read(ACTUAL)]
+    assert "restored" in started.kinds()
+    assert started.actual() == 35_000
+    assert not unsure(started)
+    assert started.accepted == (35_000, END)
+    started.stage(-5_000)
+    started.trigger(RUN_RELATIVE_PDU)
+    assert started.drive.moves[-1] == ("relative", 29_990.0)
+
+
+def test_m5_a_servo_that_stands_some_counts_off_is_at_its_end_too() -> None:
+    bench, records = killed()
+    bench.drive.arrive(standing_error=8)
+    started = again(bench, records, 1_300)
+    assert started.actual() == 35_008
+    assert not unsure(started)
+    assert started.accepted == (35_000, END)
+
+
+def test_m5_a_distance_that_never_came_to_the_drive_counts_where_its_start_is_seen_twice() -> None:
+    bench, records = killed(runs=False)
+    started = again(bench, records, 1_300)
+    assert started.actual() == 50_000
+    assert not unsure(started)
+    assert started.accepted == (50_000, START)
+    started.stage(5_000)
+    started.trigger(RUN_RELATIVE_PDU)
+    assert started.drive.moves[-1] == ("relative", 55_010.0)
+
+
+@pytest.mark.parametrize("place", [START, END])
+def test_m5_before_its_drive_has_had_the_time_to_start_no_reading_counts(place: int) -> None:
+    """The done bit may be that of the move before until 1,000 ms are over: nothing more is asked."""
+    bench, records = killed(runs=place == END)
+    started = again(bench, records, 400)
+    assert started.seen == [read(ACTUAL)]
+    assert started.actual() == (50_000 if place == START else 35_000)
+    assert unsure(started)
+    started.stage(-5_000)
+    assert started.refused(RUN_RELATIVE_PDU) == 6
+    started.wait(700)
+    started.seen.clear()
+    started.trigger(RUN_RELATIVE_PDU)  # looked at twice for it
+    assert started.seen[:3] == [READ_STATUS, read(ACTUAL), read(ACTUAL)]
+    assert started.drive.moves[-1] == ("relative", 44_990.0 if place == START else 29_990.0)
+    assert not unsure(started)
+
+
+def test_m5_a_drive_that_starts_late_ends_where_it_is_seen_twice() -> None:
+    """At 400 ms it stands at the start, done: it starts at 600 ms, and is at the end at 1,400 ms."""
+    bench, records = killed(runs=False)
+    started = again(bench, records, 400)
+    assert started.actual() == 50_000
+    started.wait(200)
+    started.drive.act(2)
+    started.drive.arrive()
+    started.wait(800)
+    started.poll()
+    started.actual()
+    assert unsure(started)
+    started.actual()
+    assert started.actual() == 35_000
+    assert started.accepted == (35_000, END)
+
+
+def test_m5_an_axis_that_is_not_done_is_at_neither_end() -> None:
+    """It passes the end of the distance on its way to the target before: done is down."""
+    bench, records = killed(runs=False)
+    bench.drive.put(ACTUAL, END)
+    bench.drive.set_bits(is_done=False)
+    started = again(bench, records, 1_300)
+    assert unsure(started)
+    started.stage(-5_000)
+    assert started.refused(RUN_RELATIVE_PDU) == 6
+    started.wait(500)
+    started.drive.put(COMMANDED, START)
+    started.drive.arrive()
+    started.poll()
+    started.actual()
+    started.actual()
+    assert started.actual() == 50_000
+    assert started.accepted == (50_000, START)
+    assert not unsure(started)
+
+
+def test_m5_an_axis_that_is_seen_once_there_and_then_elsewhere_is_at_neither_end() -> None:
+    bench, records = killed()
+    started = again(bench, records, 400)
+    started.wait(700)
+    started.poll()
+    assert started.actual() == 35_000
+    started.drive.put(ACTUAL, 34_900)
+    started.actual()
+    started.drive.put(ACTUAL, END)
+    started.actual()
+    assert is_open(started)
+    started.actual()
+    assert not is_open(started)
+
+
+def test_m5_two_readings_of_an_axis_that_creeps_through_the_window_are_not_two() -> None:
+    """Eight counts further between them: within the window of 20, not within the hysteresis of 2."""
+    bench, records = killed()
+    started = again(bench, records, 400)
+    started.wait(700)
+    started.poll()
+    for counts in (END - 12, END - 4, END + 4, END + 12):
+        started.drive.put(ACTUAL, counts)
+        started.actual()
+    assert is_open(started)
+
+
+def test_m5_a_machine_that_was_switched_off_meanwhile_leaves_the_direction_unknown() -> None:
+    bench, records = killed()
+    for buffer in records.buffers.values():
+        buffer[42:58] = bytes(16)  # the boot
+    started = again(bench, records, 3_000)
+    assert started.seen == [read(ACTUAL)]
+    assert unsure(started)
+    for _ in range(3):
+        started.poll()
+        started.actual()
+    started.stage(-5_000)
+    assert started.refused(RUN_RELATIVE_PDU) == 6
+    started.stage(60_000)  # a target from where it stands: 60 mm is forward for certain
+    started.trigger()
+    assert started.drive.moves[-1] == ("absolute", 60_010.0)
+    assert not unsure(started)
+
+
+def test_m5_ends_nearer_than_two_windows_decide_nothing() -> None:
+    """30 counts there and 20 more for the branch are 50, in windows of 26 counts to both sides."""
+    bench, records = killed(distance=-30, in_position=0.026)
+    assert bench.drive.moves[-1] == ("relative", 49_960.0)
+    started = again(bench, records, 1_300, staged_plan(in_position=0.026))
+    assert unsure(started)
+    for _ in range(3):
+        started.poll()
+        started.actual()
+    started.stage(-5_000)
+    assert started.refused(RUN_RELATIVE_PDU) == 6
+
+
+def test_m5_a_distance_after_a_stop_says_nothing_of_where_it_began() -> None:
+    bench = StagedBench(staged_plan(), before_up=(records := Records()).attach)
+    bench.go_to(20_000)
+    bench.stage(50_000)
+    bench.trigger()
+    bench.drive.pass_by(40_000)
+    bench.trigger(STOP_PDU)
+    bench.settle()
+    bench.stage(-10_000)
+    bench.send(RUN_RELATIVE_PDU)
+    while (pdu := bench.link.take()) != RUN_RELATIVE_PDU:
+        bench.line.reply(1, bench.memory.answer(pdu), bench.now_ns)
+    bench.memory.answer(pdu)
+    bench.drive.arrive()
+    started = again(bench, records, 1_300)
+    assert unsure(started)
+    started.stage(-5_000)
+    assert started.refused(RUN_RELATIVE_PDU) == 6
+    started.trigger(STOP_PDU)  # a stop ends that: it is read where it stands, and flagged
+    started.wait(1_100)
+    started.trigger(RUN_RELATIVE_PDU)
+    assert unsure(started)
+
+
+def test_m5_a_second_kill_finds_what_the_first_one_found() -> None:
+    bench, records = killed()
+    first = again(bench, records, 200)
+    assert is_open(first)
+    second = Started(records.copy(), bench.drive, first.now_ns + 300 * MS)
+    assert is_open(second)
+    third = Started(records.copy(), bench.drive, second.now_ns + 700 * MS)
+    assert third.accepted == (35_000, END)
+    assert third.actual() == 35_000
+
+
+def test_m5_a_target_that_follows_is_decided_on_the_scale_of_the_drive() -> None:
+    bench, records = killed()
+    started = again(bench, records, 400)
+    started.stage(35_005)  # its two branches are 35 015 and 34 995: it stands just short of both
+    started.trigger()
+    assert started.drive.moves[-1] == ("absolute", 35_015.0)
+    assert not unsure(started)
+
+
+def test_m5_a_distance_whose_trigger_waited_is_as_old_as_its_trigger() -> None:
+    """The target was rendered, then written anew for 700 ms: the time to start begins with the trigger."""
+    bench = StagedBench(staged_plan(), before_up=(records := Records()).attach)
+    bench.go_to(20_000)
+    bench.stage(50_000)
+    bench.trigger()
+    bench.drive.arrive()
+    bench.stage(-15_000)
+    bench.send(RUN_RELATIVE_PDU)
+    while (pdu := bench.link.take()) != RUN_RELATIVE_PDU:
+        if pdu[0] == 16:
+            bench.now_ns += 700 * MS
+        bench.line.reply(1, bench.memory.answer(pdu), bench.now_ns)
+    record = records.read()
+    assert record is not None
+    assert record.unproven is not None
+    assert record.unproven.state.at_ns == bench.now_ns
+
+
+# --- the same of a target ----------------------------------------------------------------------------------
+
+
+def retargeted() -> tuple[RecordBench, bytes]:
+    """From 20 mm to 80 mm, and on the way, at 60 mm, back to 35 mm: on the wire, not answered."""
+    bench = RecordBench(axis_plan())
+    bench.move(20_000)
+    bench.actual()
+    bench.ask(write(COMMAND, 80_000))
+    bench.memory.put(ACTUAL, 60_000)
+    bench.wait(600)
+    bench.send(write(COMMAND, 35_000))
+    bench.serve_reads()
+    pdu = bench.link.take()
+    assert pdu == write(COMMAND, 34_990)
+    return bench, pdu
+
+
+def test_m6_a_target_on_the_way_of_the_one_before_counts_where_it_is_seen_twice() -> None:
+    bench, pdu = retargeted()
+    bench.memory.answer(pdu)
+    bench.memory.put(ACTUAL, 34_990)
+    bench.now_ns += 1_300 * MS
+    started = bench.restarted()
+    assert started.actual() == 35_000
+    assert not unsure(started)
+    assert started.move(35_000) == write(COMMAND, 34_990)
+    assert started.move(36_000) == write(COMMAND, 36_010)
+
+
+def test_m6_a_servo_that_stands_some_counts_off_a_lost_target_is_not_on_its_way_to_the_one_before() -> None:
+    """It read 35 007 - 10: on the branch of 80 mm."""
+    bench, pdu = retargeted()
+    bench.memory.answer(pdu)
+    bench.memory.put(ACTUAL, 34_990 + 7)
+    bench.now_ns += 1_300 * MS
+    started = bench.restarted()
+    assert started.actual() == 35_007
+    assert not unsure(started)
+
+
+def test_m6_until_then_its_branch_is_flagged() -> None:
+    bench, pdu = retargeted()
+    bench.memory.answer(pdu)
+    bench.memory.put(ACTUAL, 34_990)
+    bench.now_ns += 300 * MS
+    started = bench.restarted()
+    assert started.actual() == 35_000
+    assert unsure(started)
+    started.wait(1_000)
+    started.actual()
+    started.actual()
+    assert not unsure(started)
+
+
+def test_m6_where_it_goes_on_to_the_target_before_it_is_that() -> None:
+    """It passed the lost target when it was read, and is at 80 mm two seconds later."""
+    bench, _ = retargeted()
+    bench.memory.put(ACTUAL, 34_990)
+    bench.now_ns += 300 * MS
+    started = bench.restarted()
+    started.memory.put(ACTUAL, 80_010)
+    started.wait(1_100)
+    started.actual()
+    assert started.actual() == 80_000
+    assert not unsure(started)
+
+
+# --- the table ---------------------------------------------------------------------------------------------
+
+
+def test_every_reading_at_an_end_leads_where_the_table_says() -> None:
+    """Written by hand: twice at one end decides; once elsewhere, and it begins anew."""
+    rows = {
+        (Proof.ONE, End.START): Proof.RAN_NOT,
+        (Proof.ONE, End.END): Proof.RAN,
+        (Proof.ONE, End.NEITHER): Proof.ONE,
+        (Proof.TWO, End.START): Proof.AT_START,
+        (Proof.TWO, End.END): Proof.AT_END,
+        (Proof.TWO, End.NEITHER): Proof.TWO,
+        (Proof.AT_START, End.START): Proof.RAN_NOT,
+        (Proof.AT_START, End.END): Proof.AT_END,
+        (Proof.AT_START, End.NEITHER): Proof.TWO,
+        (Proof.AT_END, End.START): Proof.AT_START,
+        (Proof.AT_END, End.END): Proof.RAN,
+        (Proof.AT_END, End.NEITHER): Proof.TWO,
+        (Proof.NONE, End.START): Proof.NONE,
+        (Proof.NONE, End.END): Proof.NONE,
+        (Proof.NONE, End.NEITHER): Proof.NONE,
+    }
+    assert rows == PROOF_AFTER
+
+
+def test_the_bench_is_what_it_says() -> None:
+    bench, _ = killed()
+    assert isinstance(bench, Bench)
+    assert bench.drive.words[STATUS] & 1 << 4

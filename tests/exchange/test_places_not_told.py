@@ -1,0 +1,398 @@
+"""Where a reading cannot decide: an axis that something else has just moved, a drive that refuses to tell."""
+
+from typing import Any
+
+import pytest
+
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.drives.motion import Action
+from gateway.exchange.axis.state import SIGHT_AFTER, Sight, Told
+from gateway.exchange.plan import ControllerPlan
+from gateway.modbus.registers import BitField
+from tests.exchange.line_bench import (
+    ACTUAL,
+    COMMAND,
+    MS,
+    Bench,
+    Memory,
+    Port,
+    axis_plan,
+    read,
+    stream_plan,
+    write,
+)
+from tests.exchange.record_bench import RecordBench
+from tests.exchange.staged_bench import (
+    COMMANDED,
+    JOG_PDU,
+    RUN_PDU,
+    RUN_RELATIVE_PDU,
+    STOP_PDU,
+    StagedBench,
+    StagedDrive,
+    relative_by,
+    staged_plan,
+)
+
+WORN = make_table([0, 200], [0.41, 0.41], [-0.26, -0.26], Units.MM)
+"""410 counts more going forward, 260 less going backward."""
+DONE = BitField(0x0031, 0)
+BUSY, ADDRESS = bytes.fromhex("83 06"), bytes.fromhex("83 02")
+
+
+def unsure(bench: Bench) -> bool:
+    return bench.line.axes[0].is_unsure
+
+
+# --- right after a motion that is no target: within done_drop_ms, 1,000 ms ----------------------------------
+
+
+def jogged(at: int, *, ms: float = 300, is_done: bool = True, **changes: Any) -> StagedBench:
+    """An axis that arrived at 45 mm forward, was jogged, and is somewhere then."""
+    bench = StagedBench(staged_plan(table=WORN, **changes))
+    bench.go_to(45_000)
+    bench.trigger(JOG_PDU)
+    bench.drive.put(ACTUAL, at)
+    bench.drive.put(COMMANDED, at)
+    bench.drive.set_bits(is_done=is_done)
+    bench.wait(ms)
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("stands_at", "told", "is_flagged"),
+    [
+        (80_000, 59_740, False),  # beyond both branches of 60 mm, 60 410 and 59 740
+        (50_000, 60_410, False),
+        (60_100, 60_410, True),  # between them: it keeps its branch, forward
+        (60_410, 60_410, True),  # just where one of them is: it may be passing by
+        (59_740, 60_410, True),
+    ],
+)
+def test_m6_an_axis_that_was_just_jogged_is_looked_at_and_flagged_where_that_does_not_decide(
+    stands_at: int, told: int, is_flagged: bool
+) -> None:
+    bench = jogged(stands_at)
+    bench.stage(60_000)
+    bench.seen.clear()
+    bench.trigger(RUN_PDU)
+    assert bench.seen[0] == read(ACTUAL)
+    assert bench.drive.moves[-1] == ("absolute", float(told))
+    assert unsure(bench) is is_flagged
+
+
+def test_m6_a_second_later_it_stands_where_one_of_its_branches_is() -> None:
+    bench = jogged(59_740, ms=1_001)
+    bench.stage(60_000)
+    bench.trigger(RUN_PDU)
+    assert bench.drive.moves[-1] == ("absolute", 59_740.0)
+    assert not unsure(bench)
+
+
+def test_m6_a_jog_that_was_seen_to_end_needs_no_second() -> None:
+    bench = jogged(59_740, is_done=False)
+    bench.poll()
+    bench.trigger(STOP_PDU)
+    bench.poll()
+    bench.stage(60_000)
+    bench.trigger(RUN_PDU)
+    assert bench.drive.moves[-1] == ("absolute", 59_740.0)
+    assert not unsure(bench)
+
+
+def test_m6_it_may_have_come_past_its_target_while_the_reading_was_on_its_way() -> None:
+    """200 mm/s in 20 ms are 4 mm: 3 mm away is not far enough, 5 mm is."""
+    for stands_at, is_flagged in ((63_000, True), (65_000, False)):
+        bench = jogged(stands_at)
+        bench.stage(60_000)
+        bench.send(RUN_PDU)
+        assert bench.link.sent[0][1] == read(ACTUAL)
+        bench.now_ns += 19 * MS
+        bench.serve()
+        assert bench.port.take() == RUN_PDU
+        assert bench.drive.moves[-1] == ("absolute", 59_740.0)
+        assert unsure(bench) is is_flagged
+
+
+@pytest.mark.parametrize("change", [{"added_frames": False}, {"safe_read": False}])
+def test_m6_where_nothing_may_be_added_it_keeps_its_branch_and_is_flagged(change: dict[str, bool]) -> None:
+    bench = StagedBench(staged_plan(table=WORN, **change))
+    bench.ask(read(ACTUAL))
+    bench.go_to(45_000)
+    bench.go_to(46_000)
+    assert bench.drive.moves[-1][1] == 46_410
+    bench.trigger(JOG_PDU)
+    bench.drive.put(ACTUAL, 80_000)
+    bench.wait(700)  # older than what counts as fresh, 500 ms
+    bench.stage(60_000)
+    bench.seen.clear()
+    bench.trigger(RUN_PDU)
+    assert bench.seen == [RUN_PDU]
+    assert bench.drive.moves[-1] == ("absolute", 60_410.0)
+    assert unsure(bench)
+
+
+@pytest.mark.parametrize("change", [{}, {"added_frames": False}, {"safe_read": False}, {"bits": {}}])
+def test_m5_a_distance_right_after_a_jog_is_refused(change: dict[str, Any]) -> None:
+    bench = jogged(80_000, **change)
+    bench.stage(1_000)
+    assert bench.refused(RUN_RELATIVE_PDU) == 6
+
+
+# --- a drive that answers a look with an exception ---------------------------------------------------------
+
+
+class Reluctant(Memory):
+    """Refuses reads of its actual position, as often as it is told to."""
+
+    def __init__(self, *refusals: bytes) -> None:
+        super().__init__()
+        self.refusals = list(refusals)
+
+    def answer(self, pdu: bytes) -> bytes:
+        if pdu == read(ACTUAL) and self.refusals:
+            return self.refusals.pop(0)
+        return super().answer(pdu)
+
+
+def unseen(*refusals: bytes, jogged_to: int = 150_000, **changes: object) -> Bench:
+    """An axis that arrived at 100 mm forward, was jogged unseen, and whose drive refuses reads then."""
+    memory = Reluctant()
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, **changes), memory=memory)
+    bench.ask(write(COMMAND, 100_000))
+    memory.words[DONE.address] = 0
+    bench.ask(bytes.fromhex("03 0031 0001"))
+    memory.words[DONE.address] = 1
+    memory.put(ACTUAL, 100_410)
+    bench.wait(500)
+    bench.ask(bytes.fromhex("03 0031 0001"))
+    bench.actual()
+    memory.put(ACTUAL, jogged_to)
+    bench.wait(1_200)
+    memory.refusals = list(refusals)
+    bench.seen.clear()
+    return bench
+
+
+@pytest.mark.parametrize("code", [0x05, 0x06, 0x01, 0x02, 0x04, 0x0B, 0x33])
+def test_w8_a_look_that_was_refused_is_asked_once_more(code: int) -> None:
+    """Before: 120 410, and the axis comes from 150 mm: 0.67 mm off, flagged."""
+    bench = unseen(bytes((0x83, code)))
+    assert bench.ask(write(COMMAND, 120_000)) == write(COMMAND, 120_000)[:5]
+    assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, 119_740)]
+    assert not unsure(bench)
+
+
+def test_w8_busy_is_asked_once_more_for_each_target() -> None:
+    bench = unseen(BUSY, BUSY, BUSY)
+    bench.ask(write(COMMAND, 120_000))
+    assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, 120_410)]
+    assert unsure(bench)
+    bench.wait(1_200)
+    bench.seen.clear()
+    bench.ask(write(COMMAND, 110_000))  # it stands at 150 mm yet
+    assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, 109_740)]
+    assert not unsure(bench)
+
+
+def test_w8_what_is_refused_twice_is_not_asked_before_the_link_comes_up() -> None:
+    bench = unseen(ADDRESS, ADDRESS)
+    bench.ask(write(COMMAND, 120_000))
+    assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, 120_410)]
+    assert unsure(bench)
+    for counts in (110_000, 130_000):
+        bench.wait(1_200)
+        bench.seen.clear()
+        bench.ask(write(COMMAND, counts))
+        assert bench.seen == [write(COMMAND, counts + 410)]  # its branch is kept
+        assert unsure(bench)
+    told = [event.detail for event in bench.events if event.kind.value == "direction-unsure"]
+    why = "where the axis is could not be told; it keeps its branch; its drive refuses to tell its actual"
+    assert told == [f"{why} position"]
+    bench.line.link_down(bench.now_ns)
+    bench.wait(100)
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    bench.seen.clear()
+    bench.ask(write(COMMAND, 140_000))
+    assert bench.seen == [read(ACTUAL), write(COMMAND, 139_740)]  # it stands at 150 mm
+    assert not unsure(bench)
+
+
+def test_w8_one_refusal_now_and_then_does_not_end_the_looks() -> None:
+    bench = unseen(ADDRESS)
+    for counts in (120_000, 110_000, 100_000):
+        bench.memory.put(ACTUAL, 150_000)
+        bench.wait(1_200)
+        bench.seen.clear()
+        bench.memory.refusals = [ADDRESS]  # type: ignore[attr-defined]
+        bench.ask(write(COMMAND, counts))
+        assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, counts - 260)]
+        assert not unsure(bench)
+
+
+@pytest.mark.parametrize("refusals", [(BUSY, BUSY), (ADDRESS, ADDRESS)])
+def test_m6_the_same_target_again_keeps_its_words_and_is_flagged(refusals: tuple[bytes, ...]) -> None:
+    """It may have been jogged, and comes from there."""
+    bench = unseen(*refusals)
+    bench.ask(write(COMMAND, 100_000))
+    assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, 100_410)]
+    assert unsure(bench)
+
+
+def test_w8_a_drive_that_tells_its_controller_is_asked_again_once() -> None:
+    """Two exceptions in a row, and never again: a jog that nobody sees must not cost the branch for weeks."""
+    bench = unseen(ADDRESS, ADDRESS)
+    bench.ask(write(COMMAND, 120_000))
+    assert bench.actual() == 150_000 - 410
+    for refusals, frames in (
+        ([], [read(ACTUAL), write(COMMAND, 109_740)]),
+        ([ADDRESS], [read(ACTUAL), read(ACTUAL), write(COMMAND, 99_740)]),
+    ):
+        bench.wait(1_200)
+        bench.seen.clear()
+        bench.memory.refusals = list(refusals)  # type: ignore[attr-defined]
+        bench.ask(write(COMMAND, 110_000 if not refusals else 100_000))
+        assert bench.seen == frames
+        assert not unsure(bench)
+
+
+def test_m6_where_it_is_not_asked_any_more_the_same_target_again_is_flagged() -> None:
+    bench = unseen(ADDRESS, ADDRESS, jogged_to=100_410)
+    bench.ask(write(COMMAND, 120_000))
+    bench.wait(1_200)
+    bench.seen.clear()
+    bench.ask(write(COMMAND, 120_000))
+    assert bench.seen == [write(COMMAND, 120_410)]
+    assert unsure(bench)
+
+
+def test_w8_both_reads_leave_within_half_of_what_its_controller_waits() -> None:
+    """1,000 ms: after 501 ms it is not asked again, and the target goes without; after 500 ms it is."""
+    for after_ms, reads in ((500, 2), (501, 1)):
+        bench = unseen(BUSY)
+        bench.send(write(COMMAND, 120_000))
+        assert bench.link.take() == read(ACTUAL)
+        bench.now_ns += after_ms * MS
+        bench.line.reply(1, bench.memory.answer(read(ACTUAL)), bench.now_ns)
+        bench.serve()
+        assert bench.seen.count(read(ACTUAL)) == reads - 1
+        assert bench.memory.get(COMMAND) == (119_740 if reads == 2 else 120_410)
+        assert unsure(bench) is (reads == 1)
+
+
+class ReluctantDrive(StagedDrive):
+    """The same of a drive that waits for a trigger."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.refusals: list[bytes] = []
+
+    def answer(self, pdu: bytes) -> bytes:
+        if pdu == read(ACTUAL) and self.refusals:
+            return self.refusals.pop(0)
+        return super().answer(pdu)
+
+
+def refusing(*refusals: bytes) -> StagedBench:
+    """A staged axis that arrived at 45 mm forward, and was not seen for a while."""
+    drive = ReluctantDrive()
+    plan = staged_plan(table=WORN, commanded=(), motion=relative_by(Action.RELATIVE))
+    bench = StagedBench(plan, serial=False)
+    bench.drive = bench.memory = drive
+    bench.go_to(45_000)
+    bench.wait(1_200)
+    drive.refusals = list(refusals)
+    return bench
+
+
+@pytest.mark.parametrize("refusal", [BUSY, ADDRESS])
+def test_m5_a_distance_before_which_the_look_is_refused_twice_gets_6(refusal: bytes) -> None:
+    bench = refusing(refusal, refusal)
+    bench.stage(10_000)
+    bench.seen.clear()
+    assert bench.refused(RUN_RELATIVE_PDU) == 6
+    assert bench.seen == [read(ACTUAL), read(ACTUAL)]
+    bench.wait(100)
+    bench.seen.clear()
+    bench.stage(10_000)
+    if refusal == ADDRESS:  # it is not asked, and gets 6 all the same
+        assert bench.refused(RUN_RELATIVE_PDU) == 6
+        assert read(ACTUAL) not in bench.seen
+    else:
+        bench.trigger(RUN_RELATIVE_PDU)
+        assert bench.drive.moves[-1] == ("relative", 55_410.0)
+
+
+def test_m3_a_stop_goes_between_both_reads() -> None:
+    bench = refusing(BUSY)
+    bench.stage(60_000)
+    bench.send(RUN_PDU)
+    assert bench.link.take() == read(ACTUAL)
+    stopper = Port(ControllerPlan("pad"))
+    bench.send(STOP_PDU, port=stopper)
+    bench.line.reply(1, bench.memory.answer(read(ACTUAL)), bench.now_ns)
+    assert bench.link.sent[0][1] == STOP_PDU
+    moves = len(bench.drive.moves)
+    bench.serve()
+    assert stopper.take() == STOP_PDU
+    assert bench.port.take() == bytes.fromhex("86 06")  # a stop of its axis came after it
+    assert [kind for kind, _ in bench.drive.moves[moves:]] == ["stop"]
+
+
+def test_w8_what_the_start_reads_is_asked_once_more_too() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000)
+    bench.move(20_000)
+    for refusals, is_restored in (((BUSY,), True), ((ADDRESS,), True), ((BUSY, BUSY), False)):
+        memory = Reluctant(*refusals)
+        memory.words = dict(bench.memory.words)
+        started = RecordBench(
+            *bench.plans, records=bench.records.copy(), memory=memory, start_ns=bench.now_ns
+        )
+        assert started.seen == [read(ACTUAL), read(ACTUAL)]
+        assert ("restored" in started.kinds()) is is_restored
+        assert started.actual() == 20_000  # what passes decides then
+
+
+def test_w8_a_drive_of_a_stream_that_becomes_busy_is_watched_no_longer() -> None:
+    """It stood a millimetre behind its last setpoint when it was read first, and says "busy" from then on."""
+    bench = RecordBench(stream_plan())
+    for counts in (30_000, 30_100, 30_200):
+        bench.ask(write(COMMAND, counts))
+    memory = Reluctant()
+    memory.words = dict(bench.memory.words)
+    memory.put(ACTUAL, 29_000)
+    memory.refusals = [memory.answer(read(ACTUAL)), *[BUSY] * 500]
+    started = RecordBench(
+        *bench.plans, records=bench.records.copy(), memory=memory, start_ns=bench.now_ns + 5 * MS
+    )
+    assert started.seen == [read(ACTUAL)] * 3
+    assert len(memory.refusals) == 498
+
+
+def test_w8_a_first_setpoint_is_read_for_once_more() -> None:
+    memory = Reluctant(BUSY)
+    bench = Bench(stream_plan(table=WORN), memory=memory)
+    memory.put(ACTUAL, 50_410)
+    bench.ask(write(COMMAND, 50_000))
+    assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, 50_410)]
+
+
+def test_every_answer_leads_where_the_table_says() -> None:
+    """Written by hand."""
+    assert SIGHT_AFTER == {
+        (Sight.OPEN, Told.PLACE): Sight.OPEN,
+        (Sight.OPEN, Told.PASSING): Sight.OPEN,
+        (Sight.OPEN, Told.REFUSAL): Sight.REFUSED_ONCE,
+        (Sight.OPEN, Told.LINK_LOST): Sight.OPEN,
+        (Sight.REFUSED_ONCE, Told.PLACE): Sight.OPEN,
+        (Sight.REFUSED_ONCE, Told.PASSING): Sight.REFUSED_ONCE,
+        (Sight.REFUSED_ONCE, Told.REFUSAL): Sight.REFUSED,
+        (Sight.REFUSED_ONCE, Told.LINK_LOST): Sight.OPEN,
+        (Sight.REFUSED, Told.PLACE): Sight.REFUSED,
+        (Sight.REFUSED, Told.PASSING): Sight.REFUSED_ONCE,
+        (Sight.REFUSED, Told.REFUSAL): Sight.REFUSED,
+        (Sight.REFUSED, Told.LINK_LOST): Sight.OPEN,
+    }
