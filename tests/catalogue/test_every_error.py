@@ -75,7 +75,8 @@ def test_every_code_that_is_answered_has_a_title_and_a_reason() -> None:
         for node in ast.walk(tree)
         if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "ExceptionCode"
     }
-    assert used == {entry.code for entry in REFUSALS} <= set(TITLES)
+    understood = {ExceptionCode.ACKNOWLEDGE}  # of a drive that says "later"; never answered
+    assert used - understood == {entry.code for entry in REFUSALS} <= set(TITLES)
 
 
 def test_every_refusal_is_explained() -> None:
