@@ -6,6 +6,7 @@ The silence after a time-out belongs to the unit id that did not answer: ``excha
 from enum import Enum
 from typing import Final
 
+from gateway.exchange.link_loss import CLOSES_SOON_NS
 from gateway.exchange.plan import LineTiming
 from gateway.times import NS_PER_MS
 
@@ -16,6 +17,8 @@ LONGEST_DRAIN: Final = 3
 class Resting(Enum):
     """Why a line sends nothing, beside that a transaction is on it."""
 
+    __hash__ = object.__hash__
+
     NOT = "not"
     """It does not rest."""
     TURNAROUND = "turnaround"
@@ -24,8 +27,15 @@ class Resting(Enum):
     """A reply may come that answers nothing any more: the line waits until it is silent."""
     OWED = "owed"
     """The same, and there is no link yet: the silence begins with it."""
+    CLOSING = "closing"
+    """The server may close the connection behind its answer: what is sent then would be lost."""
+    OPENED = "opened"
+    """A connection was made, and the drives get the time to serve it."""
     SPOILT = "spoilt"
     """A frame left that is none (``cut_through``): the drives have to see that it has ended."""
+
+
+KEEPS_STOPS: Final = frozenset({Resting.TURNAROUND, Resting.CLOSING, Resting.OPENED})
 
 
 class Rest:
@@ -38,7 +48,7 @@ class Rest:
         self._drained_at_last_ns = 0
         self._resting = Resting.NOT
         self.until_ns: int | None = None
-        """There exactly in TURNAROUND, SILENCE and SPOILT: the line rests until then."""
+        """There exactly in TURNAROUND, SILENCE, CLOSING, OPENED and SPOILT: the line rests until then."""
         self.spoilt_until_ns = 0
         """Not even a stop is sent before: it would be taken for the rest of a spoilt frame."""
 
@@ -48,9 +58,19 @@ class Rest:
         return self._resting is Resting.SILENCE
 
     @property
-    def is_turning(self) -> bool:
-        """Whether the drives get the time to obey a broadcast."""
-        return self._resting is Resting.TURNAROUND
+    def keeps_stops(self) -> bool:
+        """Whether stops wait as well: nobody would hear them."""
+        return self._resting in KEEPS_STOPS
+
+    @property
+    def is_closing(self) -> bool:
+        """Whether the server may close the connection behind its answer."""
+        return self._resting is Resting.CLOSING
+
+    @property
+    def is_opening(self) -> bool:
+        """Whether the drives get the time to serve a connection that was made."""
+        return self._resting is Resting.OPENED
 
     @property
     def owes_silence(self) -> bool:
@@ -68,6 +88,18 @@ class Rest:
         """Let the drives see that a spoilt frame has ended; nothing else kept the line when it began."""
         self._resting = Resting.SPOILT
         self.until_ns = self.spoilt_until_ns = until_ns
+
+    def await_close(self, now_ns: int) -> None:
+        """See whether the server closes the connection behind its answer."""
+        if self.until_ns is None:
+            self._resting = Resting.CLOSING
+            self.until_ns = now_ns + CLOSES_SOON_NS
+
+    def open(self, until_ns: int) -> None:
+        """Give the drives time to serve a connection that was made; a silence that lasts longer goes on."""
+        if self.until_ns is None or until_ns > self.until_ns:
+            self._resting = Resting.OPENED
+            self.until_ns = until_ns
 
     def drain(self, now_ns: int) -> None:
         """Wait for silence, so that a late reply never answers the next request."""

@@ -191,6 +191,8 @@ class Transaction:
     comes is taken note of and then dropped."""
     is_denied = False
     """There was no room for it: it is refused when the answers before it have been given."""
+    is_held_up = False
+    """It waited for the link to the drives: of that its controller knows nothing (``leave_by_ns``)."""
     overtaken_by = ""
     """Why it must not be sent any more, although its controller waits for it."""
     stopping = _NO_STOP
@@ -301,6 +303,13 @@ class Transaction:
         """
         return NEVER_NS if self.port is None else self.arrived_ns + self.port.patience_ns // 2
 
+    @property
+    def waits_until_ns(self) -> int:
+        """Until when it waits for the link to the drives; a stop as long as its controller waits for it."""
+        if self.is_stop and self.port is not None:
+            return self.arrived_ns + self.port.patience_ns
+        return self.leave_by_ns
+
     # --- phases ----------------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> None:
@@ -367,6 +376,10 @@ class Transaction:
     def _stop_goes_on(self, stopping: Stopping) -> None:
         assert stopping in STOP_AFTER[self.stopping], f"a stop from {self.stopping.value} to {stopping.value}"
         self.stopping = stopping
+
+    def hold_up(self) -> None:
+        """It waits for the link to the drives."""
+        self.is_held_up = True
 
     def excuse(self, span_ns: int) -> None:
         """No deadline counts so much of its waiting."""

@@ -90,8 +90,16 @@ class Up(_Input, frozen=True, tag="up"):
     """The drives can be reached."""
 
 
-class Down(_Input, frozen=True, tag="down"):
+class Down(_Input, frozen=True, tag="down", omit_defaults=True):
     """The drives cannot be reached."""
+
+    reason: str = ""
+    is_orderly: bool = False
+    """The other end closed the connection, and nothing broke."""
+
+
+class Unframed(_Input, frozen=True, tag="unframed"):
+    """Bytes came of the drives, of which no frame was made yet."""
 
 
 class Tick(_Input, frozen=True, tag="tick"):
@@ -217,7 +225,9 @@ class End(_Entry, frozen=True, tag="end"):
 
 ControlInput = Control | Tables | Share | Limits | Temperature
 """What somebody outside asked of a line (``exchange.control``)."""
-Input = Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | Beginning | ControlInput
+Input = (
+    Request | Gone | Reply | Stray | RestFirst | Up | Down | Unframed | Tick | Stop | Beginning | ControlInput
+)
 Output = Sent | Abandoned | Answered
 Entry = Header | Input | Output | Port | End
 

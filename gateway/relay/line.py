@@ -79,6 +79,7 @@ class Line:
         """What is kept of its last minutes."""
         self._journal = journal
         self._link = _make_link(plan, self._wrong_unit)
+        self._drives = self._make_drives()
         sink = self._make_sink(recorder)
         link = self._link if sink is None else RecordedLink(self._link, sink)
         self._exchange = LineExchange(
@@ -101,9 +102,9 @@ class Line:
             else RecordedExchange(self._exchange, plan.name, sink)
         )
         self._link.attach(self._timed)
+        self._timed.count_bytes = lambda: self._link.bytes_received
         self._in_force: dict[tuple[str, str], traffic.ControlInput] = {}
         """What somebody outside has changed since the start, for the tape."""
-        self._drives = _make_drives(plan.drives, self._link, self._drives_failed, self._drives_slow)
         self._records: dict[str, AxisRecord] = {}
         self._loaded_at = {axis.name: _now() for axis in plan.axes if axis.table is not None}
         """When the table of an axis was taken, as ISO 8601 has it."""
@@ -242,6 +243,7 @@ class Line:
         return {
             **of_exchange,
             "minute": {"exchanges": minute["exchanges"], "damaged": minute.get("damaged", 0)},
+            "malformed_minute": minute.get("malformed", 0),
             **self._latency.line(),
             "computed": self._computed,
             **self._link.counters(),
@@ -352,11 +354,31 @@ class Line:
         self._in_force.pop(key, None)
         self._in_force[key] = entry
 
+    def _make_drives(self) -> SerialPort | TcpConnector:
+        endpoint, link = self.plan.drives, self._link
+        if isinstance(endpoint, SerialEndpoint):
+            return SerialPort(endpoint, link, self._drives_failed, self._drives_slow)
+        connector = TcpConnector(
+            endpoint,
+            link,
+            self._drives_failed,
+            was_of_use=self._was_of_use,
+            on_demand=self.plan.timing.connects_on_demand,
+        )
+        link.over(connector)
+        return connector
+
+    def _was_of_use(self, made_ns: int) -> bool:
+        """Whether a connection gave an answer, or lived for more than a second and was asked nothing."""
+        has_answered = self._exchange.answers.last_answered_ns >= made_ns
+        return has_answered or (not self._link.was_asked and boot_ns() - made_ns > NS_PER_S)
+
     def _frames(self) -> dict[str, int]:
         """Return the counters of frames: answers and damage, and the damage of each unit id by its name."""
         return {
             "exchanges": self._exchange.counters.exchanges,
             "damaged": self._link.counters().get("damaged", 0),
+            "malformed": self._link.counters().get("malformed", 0),
             **{str(unit_id): damage.total for unit_id, damage in self._link.damage.items()},
         }
 
@@ -414,14 +436,3 @@ def _cut_wire(plan: LinePlan) -> Wire | None:
     if plan.cut_through and isinstance(plan.drives, SerialEndpoint):
         return wire_of(plan.drives)
     return None
-
-
-def _make_drives(
-    endpoint: TcpEndpoint | SerialEndpoint,
-    link: Link,
-    on_failure: Callable[[str], None],
-    on_slow: Callable[[str], None],
-) -> SerialPort | TcpConnector:
-    if isinstance(endpoint, SerialEndpoint):
-        return SerialPort(endpoint, link, on_failure, on_slow)
-    return TcpConnector(endpoint, link, on_failure)

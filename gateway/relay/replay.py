@@ -22,6 +22,7 @@ from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable
 from gateway.relay.recorded import message_of
+from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import TcpEndpoint
 
 KEPT_DIFFERENCES: Final = 10
@@ -90,7 +91,9 @@ class _Line(DriveLink):
     """One line's exchange; it is the link to the drives too, and what goes there is output."""
 
     def __init__(self, plan: LinePlan, on_event: Callable[[str, Event], None], own_unit_id: int) -> None:
-        super().__init__(is_serial=not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu)
+        is_connection = isinstance(plan.drives, TcpEndpoint)
+        is_serial = not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu
+        super().__init__(is_serial=is_serial, connects=is_connection)
         self.plan = plan
         self.own_unit_id = own_unit_id
         self.outputs: deque[traffic.Output] = deque()
@@ -142,6 +145,8 @@ class _Line(DriveLink):
                     exchange.controller_gone(self._ports.pop(entry.port), entry.t)
             case traffic.RestFirst() | traffic.Up() | traffic.Down():
                 self._reach(entry)
+            case traffic.Unframed():
+                exchange.unframed()
             case traffic.Tick():
                 exchange.tick(entry.t)
             case traffic.Stop():
@@ -172,7 +177,9 @@ class _Line(DriveLink):
         if known.is_up:
             # The first read, of a homed bit, is as old as it was then: by that it is asked for again.
             seen_ns = [at.reference_seen_ns for at in known.axes if at.reference_seen_ns]
-            self._exchange.link_up(min([known.t, *seen_ns]))
+            began_ns = min([known.t, *seen_ns])
+            self._exchange.link_up(began_ns - int(self.plan.timing.connect_delay_ms * NS_PER_MS))
+            self._exchange.tick(began_ns)
         drives = _Drives(self.axes, places)
         while self.outputs:
             sent = self.outputs.popleft()
@@ -185,7 +192,7 @@ class _Line(DriveLink):
         elif isinstance(entry, traffic.Up):
             self._exchange.link_up(entry.t)
         else:
-            self._exchange.link_down(entry.t)
+            self._exchange.link_down(entry.t, entry.reason, is_orderly=entry.is_orderly)
 
     def _control(self, entry: traffic.ControlInput) -> None:
         try:

@@ -1,8 +1,11 @@
 """The two halves that every transport has: a channel that takes bytes, and a receiver that gets them."""
 
-from typing import Protocol
+from typing import Final, Protocol
 
 from gateway.compiled import mypyc_attr
+
+CLOSED_BY_PEER: Final = "closed by its peer"
+"""Why a channel ended that its other end closed in order: nothing broke."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -20,6 +23,10 @@ class Channel:
     def write(self, data: bytes) -> None:
         """Send at once; never blocks, never raises. A loss is told by ``Receiver.closed``, later."""
         raise NotImplementedError
+
+    def count_received(self) -> int:
+        """Return how many bytes have come, where they are counted: over TCP."""
+        return 0
 
     def has_gone(self, *, asks: bool) -> bool:
         """Whether the other end has closed or broken off the connection, as far as the system knows.
