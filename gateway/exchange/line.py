@@ -121,7 +121,7 @@ class LineExchange(CuttingLine):
         self._current: Transaction | None = None
         self.is_up = False
         """Whether there is a link to the drives."""
-        self._link_state = LinkState(self.axes)
+        self._link_state = LinkState(self.axes, connects=link.connects)
         self._renewal = Renewal(
             self._response_timeout_ns, longest_lost_ns([axis.plan.lost_ms for axis in self.axes])
         )

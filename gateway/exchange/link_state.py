@@ -45,7 +45,7 @@ def is_at_rest(axis: Axis) -> bool:
 class LinkState:
     """See the module."""
 
-    def __init__(self, axes: Sequence[Axis]) -> None:
+    def __init__(self, axes: Sequence[Axis], *, connects: bool) -> None:
         self._axes = tuple(axes)
         self.loss = LinkLoss.RESTART
         """How it ended last; of a blink that lasts it becomes what that is then."""
@@ -54,8 +54,9 @@ class LinkState:
         self.up_ns = self.down_ns = 0
         self.blinks_until_ns = 0
         """Until then the link may come back as if it had not ended; 0: it did end."""
-        self.closes_soon = False
-        """Whether the server seems to close its connection after each answer."""
+        self.closes_soon = connects
+        """Whether the server seems to close its connection after each answer; of one that is not known yet it
+        is found out with the first answer."""
         self._throttle = Throttle()
         self._is_told = True
         """Whether somebody knows that it is down: then that it is up is told, too."""
