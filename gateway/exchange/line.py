@@ -167,9 +167,9 @@ class LineExchange(CuttingLine):
         return min(rests_until_ns, waits_until_ns)
 
     @property
-    def is_closed_at_rest(self) -> bool:
-        """Whether there is no link because nobody needs one: it is made for the next request."""
-        return self._on_demand and not self.is_up and not self._waiting.total
+    def serves(self) -> bool:
+        """Whether there is a link to the drives, or none because nobody needs it."""
+        return self.is_up or (self._on_demand and not self._waiting.total)
 
     @property
     def owes_silence(self) -> bool:

@@ -130,8 +130,8 @@ class Line:
 
     @property
     def is_up(self) -> bool:
-        """Whether there is a way to the drives."""
-        return self._exchange.is_up
+        """Whether there is a way to the drives; one that is made on demand is there while nobody needs it."""
+        return self._exchange.is_up or (self._exchange.serves and not self._drives.failure)
 
     @property
     def is_idle(self) -> bool:
@@ -242,6 +242,7 @@ class Line:
             drive["damaged_minute"] = minute.get(unit_id, 0)
         return {
             **of_exchange,
+            "state": "up" if self.is_up else "down",
             "minute": {"exchanges": minute["exchanges"], "damaged": minute.get("damaged", 0)},
             "malformed_minute": minute.get("malformed", 0),
             **self._latency.line(),
