@@ -773,6 +773,8 @@ class LineExchange(CuttingLine):
     def _ask_held(self, now_ns: int) -> int:
         """Ask a drive whether it is there, while nothing else may go; return when the next one may be."""
         until_ns = HAS_NO_TURN
+        if self._renewal.held is not Held.ALL:
+            return until_ns
         for unit_id in dict.fromkeys(axis.plan.unit_id for axis in self.axes):
             read = trial_read(self._units.axes_of(unit_id))
             if read is None:
@@ -832,12 +834,8 @@ class LineExchange(CuttingLine):
         """Start what waits, as long as the line is free."""
         self._waits_until_ns = None
         if self._is_held_up:
-            waits_until_ns = self._wait_for_link(now_ns)
-            may_ask = self.is_up and self._current is None and self.rest.until_ns is None
-            if may_ask and self._renewal.held is Held.ALL:
-                waits_until_ns = min(waits_until_ns, self._ask_held(now_ns))
-            self._waits_until_ns = None if waits_until_ns == HAS_NO_TURN else waits_until_ns
-            if not self.is_up or not self._waiting.total:
+            self._wake_at(self._wait_for_link(now_ns))
+            if not self.is_up:
                 return
         while self._waiting.total and self._current is None:
             if self.rest.until_ns is not None or self.answers.silences or self._holds:
@@ -849,9 +847,16 @@ class LineExchange(CuttingLine):
                 first = self._waiting.first_of_others()
                 chosen, self._waits_until_ns = self._gaps.choose(first, now_ns)
             if chosen is None:
-                return
+                break
             self._waiting.take(chosen)
             self._start(chosen, now_ns)
+        if self._holds and self._current is None and self.rest.until_ns is None:
+            self._wake_at(self._ask_held(now_ns))
+
+    def _wake_at(self, due_ns: int) -> None:
+        """See to it that what waits is looked at then, or sooner."""
+        due_ns = min(due_ns, self._waits_until_ns or HAS_NO_TURN)
+        self._waits_until_ns = None if due_ns == HAS_NO_TURN else due_ns
 
     def _choose(self, now_ns: int) -> Transaction | None:
         """Return what may go now although the line rests or somebody is silent; None: nothing may.
@@ -884,8 +889,7 @@ class LineExchange(CuttingLine):
             chosen, monitor_due_ns = self._gaps.choose(others, now_ns)
             if monitor_due_ns is not None:
                 until_ns = min(until_ns, monitor_due_ns)
-        until_ns = min(until_ns, self._waits_until_ns or HAS_NO_TURN)
-        self._waits_until_ns = None if until_ns == HAS_NO_TURN else until_ns
+        self._wake_at(until_ns)
         return chosen
 
     def _from_ns(self, transaction: Transaction, now_ns: int) -> int:

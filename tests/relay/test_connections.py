@@ -225,3 +225,84 @@ async def test_a_length_that_cannot_be_is_named_with_its_bytes_once(
     assert told[0].startswith("closed after a malformed header: 00 0")
     assert told[0].endswith("00 00 00 01 01 03")
     assert server.connections < 20
+
+
+async def test_w11_a_server_that_forgot_its_connection_is_served_over_another_one(
+    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+) -> None:
+    server = serve(Habit.MUTE_AT_FIRST)
+    cnc = await between(bench, tools, server, timeout_ms=100.0)
+    read = bytes.fromhex("03 00C8 0001")
+    answers = [await ask(cnc, number, read) for number in range(1, 4)]
+    assert answers == [bytes.fromhex("83 0B")] * 3
+    number, answer = 4, b""
+    while answer != bytes.fromhex("03 02 0000"):
+        answer = await ask(cnc, number, read)
+        number += 1
+        await asyncio.sleep(0.02)
+        assert number < 100
+    assert server.connections == 2
+    assert [note.event for note in bench.notes].count("connection-renewed") == 1
+    assert [note.event for note in bench.notes].count("line-down") == 0
+
+
+async def test_w5_after_a_write_that_was_not_answered_the_new_connection_carries_named_reads_first(
+    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+) -> None:
+    server = serve(Habit.STAYS)
+    timing = LineTiming(response_timeout_ms=100.0, retry_ms=0.0)
+    cnc = await between(bench, tools, server, timing, timeout_ms=100.0)
+    assert await ask(cnc, 1, target(10_000)) == target(0)[:5]
+    assert await ask(cnc, 2, bytes.fromhex("03 006E 0002")) == bytes.fromhex("03 04 0000 0000")
+    server.habit = Habit.MUTE_AT_FIRST
+    number = 3
+    while server.connections < 2:
+        assert (await ask(cnc, number, target(20_000)))[0] == 0x90
+        number += 1
+    heard = [pdu for on, pdu in server.heard if on == 2]
+    while await ask(cnc, number, target(30_000)) != target(0)[:5]:
+        number += 1
+        await asyncio.sleep(0.02)
+        assert number < 200
+    heard = [pdu for on, pdu in server.heard if on == 2]
+    assert heard[0] == bytes.fromhex("03 006E 0002")
+    assert [pdu for on, pdu in server.writes if on == 2] == [target(30_030)]
+
+
+@pytest.mark.parametrize("delay_ms", [0.0, 350.0])
+async def test_a_server_that_must_not_be_asked_at_once_is_served_after_connect_delay_ms(
+    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server], delay_ms: float
+) -> None:
+    server = serve(Habit.MUTE_IF_HURRIED)
+    timing = LineTiming(response_timeout_ms=400.0, retry_ms=0.0, connect_delay_ms=delay_ms)
+    cnc = await between(bench, tools, server, timing, timeout_ms=1000.0)
+    number = 1
+    while await ask(cnc, number, target(50_000)) != target(0)[:5]:
+        number += 1
+        assert number < 20
+    assert server.connections == (1 if delay_ms else 2)
+    assert number == 1 or not delay_ms
+    assert [pdu for _, pdu in server.writes] == [target(50_050)]
+
+
+async def test_w5_a_server_killed_in_the_middle_of_a_renewal_gets_no_write_twice(
+    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+) -> None:
+    server = serve(Habit.STAYS)
+    timing = LineTiming(response_timeout_ms=100.0, retry_ms=0.0)
+    cnc = await between(bench, tools, server, timing, timeout_ms=100.0)
+    assert await ask(cnc, 1, target(10_000)) == target(0)[:5]
+    server.habit = Habit.MUTE_AT_FIRST
+    number, renewed = 2, False
+    while not renewed:
+        assert (await ask(cnc, number, target(20_000)))[0] == 0x90
+        number += 1
+        renewed = any(note.event == "connection-renewed" for note in bench.notes)
+    await server.stop()
+    assert await ask(cnc, number, target(30_000)) == ABSENT
+    await server.start()
+    while await ask(cnc, number, target(40_000)) != target(0)[:5]:
+        number += 1
+        await asyncio.sleep(0.02)
+        assert number < 200
+    assert [pdu for _, pdu in server.writes] == [target(10_010), target(40_040)]
