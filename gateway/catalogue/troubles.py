@@ -36,6 +36,16 @@ LINE_DOWN: Final = TroubleEntry(
     title="Line down",
     cuts_off=True,
 )
+DRIVE_MALFORMED: Final = TroubleEntry(
+    "drive-malformed",
+    Severity.ERROR,
+    "the drives of a line answer with headers whose length cannot be: nobody knows where the next frame "
+    "begins, so the connection is closed each time",
+    "a device that does not speak Modbus/TCP, speaks RTU over TCP, or writes a wrong length into its header",
+    "set `rtu_over_tcp` instead of `tcp` where the device sends RTU frames; else give the bytes of the event "
+    "`line-down` to its maker",
+    title="Drive not understood",
+)
 DRIVE_GARBLED: Final = TroubleEntry(
     "drive-garbled",
     Severity.ERROR,
@@ -259,6 +269,7 @@ HIDES: Final[Mapping[TroubleEntry, tuple[TroubleEntry, ...]]] = {
     RELAY_DOWN: _OF_RELAY,
     RELAY_SILENT: _OF_RELAY,
     LINE_DOWN: (DRIVE_GARBLED, DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
+    DRIVE_MALFORMED: (DRIVE_SILENT,),
     DRIVE_GARBLED: (DRIVE_SILENT, DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
     DRIVE_SILENT: (DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
     CONTROLLER_GARBLED: (CONTROLLER_DAMAGED,),

@@ -168,8 +168,8 @@ class LineExchange(CuttingLine):
 
     @property
     def serves(self) -> bool:
-        """Whether there is a link to the drives, or none because nobody needs it."""
-        return self.is_up or (self._on_demand and not self._waiting.total)
+        """Whether there is a link to the drives, or none because nobody needs it, or for a moment."""
+        return self.is_up or self._link_state.is_blinking or (self._on_demand and not self._waiting.total)
 
     @property
     def owes_silence(self) -> bool:
@@ -806,8 +806,9 @@ class LineExchange(CuttingLine):
         if self._current is not None:
             self._time_out(self._current, now_ns)
         # Only here: a caller that comes late has read by then what had come (W6).
-        if self.rest.is_closing and not is_timed_out:
-            self._link_state.closes_soon = False
+        rests_until_ns = self.rest.until_ns
+        if self.rest.is_closing and rests_until_ns is not None and now_ns >= rests_until_ns:
+            self._link_state.closes_soon = False  # it stays open
         self.rest.settle(now_ns)
         self.answers.settle(now_ns)
         if not self.is_up or self._closes_ns or self._holds:

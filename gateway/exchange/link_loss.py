@@ -99,11 +99,6 @@ class LossRow(NamedTuple):
     silence: Silent
     record: Recorded
 
-    @property
-    def loses_axes(self) -> bool:
-        """Whether the axes have to be found anew."""
-        return self.base is Base.FORGOTTEN
-
 
 _CLOSED: Final = LossRow(
     Words.UNTIL_READ,

@@ -10,6 +10,7 @@ from typing import Final
 from gateway.exchange.axis.state import HOMING, OnWire, Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.link_loss import BLINK_NS, CLOSES_SOON_NS, HEARD_NS, LinkLoss
+from gateway.exchange.plan import DONE_BIT
 from gateway.exchange.throttle import Throttle, times
 from gateway.times import NS_PER_S
 
@@ -32,7 +33,10 @@ AT_REST: Final = frozenset(
 
 def is_at_rest(axis: Axis) -> bool:
     """Whether nothing of an axis is under way, unproven or staged: its drive may be left alone."""
-    is_standing = axis.whereabouts in AT_REST and not axis.is_moving and axis.reference not in HOMING
+    has_arrived = axis.whereabouts in AT_REST
+    if axis.whereabouts is Whereabouts.SEEN_THERE:
+        has_arrived = DONE_BIT not in axis.plan.bits  # it has no other way to say so
+    is_standing = has_arrived and not axis.is_moving and axis.reference not in HOMING
     if not is_standing or axis.on_wire is not OnWire.NOTHING:
         return False
     staged = axis.rules.staged if axis.plan.motion.waits_for_trigger else None

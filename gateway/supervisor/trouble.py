@@ -132,6 +132,13 @@ def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
         )
         yield Trouble(kinds.LINE_DOWN, place, where, what, axes)
     unit_ids = line.get("unit_ids", _NOT_TOLD)
+    malformed = line.get("malformed_minute", 0)
+    if malformed:
+        what = (
+            f"{malformed} answers of the drives at {line['drives']['address']} had a header whose length "
+            "cannot be in the last minute: each ends its connection"
+        )
+        yield Trouble(kinds.DRIVE_MALFORMED, place, where, what, axes)
     yield from _of_drives(name, unit_ids)
     yield from _of_damage(name, line)
     for controller in line.get("controllers", ()):

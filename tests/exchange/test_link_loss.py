@@ -328,6 +328,64 @@ def test_w5_nothing_is_sent_into_a_connection_that_its_server_closes_behind_each
     assert bench.link.sent == []
 
 
+# --- connections that we close ------------------------------------------------------------------------------
+
+
+def test_a_connection_on_demand_is_closed_after_a_second_without_an_answer_and_nobody_is_told() -> None:
+    bench = ConnectionBench(axis_plan(), connects_on_demand=True)
+    bench.ask(READ)
+    bench.until(999)
+    assert (bench.connection.hung_up, bench.line.is_up) == ([], True)
+    bench.until(1.1)
+    assert (bench.connection.hung_up, bench.line.is_up, bench.line.serves) == ([False], False, True)
+    bench.until(10_000)
+    assert (bench.told(), bench.connection.wanted) == ([], 0)
+    bench.send(READ)
+    assert bench.connection.wanted == 1
+    bench.returns(20)
+    bench.serve()
+    assert bench.port.take() == b"\x03\x02\x00\x00"
+    assert bench.told(EventKind.LINE_UP) == []
+
+
+def test_a_connection_on_demand_stays_while_its_axis_is_under_way() -> None:
+    bench = ConnectionBench(axis_plan(), connects_on_demand=True)
+    bench.ask(write(COMMAND, 50_000))
+    bench.until(20_000)
+    assert bench.connection.hung_up == []
+
+
+def test_a_connection_on_demand_stays_while_a_target_is_staged() -> None:
+    bench = ConnectionBench(axis_plan(motion=STAGED), connects_on_demand=True)
+    bench.ask(write(COMMAND, 50_000))
+    bench.until(20_000)
+    assert bench.connection.hung_up == []
+
+
+def test_after_a_close_of_our_own_the_homed_bit_is_read_first() -> None:
+    plan = axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED})
+    bench = ConnectionBench(plan, connects_on_demand=True)
+    bench.memory.words[HOMED.address] = 1 << HOMED.bit
+    bench.ask(READ_HOMED)
+    bench.until(20_000)
+    assert bench.connection.hung_up == [False]
+    bench.send(write(COMMAND, 50_000))
+    bench.returns(20)
+    assert bench.link.sent == [(1, READ_HOMED)]
+
+
+def test_a_connection_is_made_anew_after_max_connection_s_once_nothing_is_under_way() -> None:
+    bench = ConnectionBench(axis_plan(), max_connection_s=2.0)
+    bench.until(1900)
+    bench.ask(READ)
+    bench.until(200)
+    assert bench.connection.hung_up == [True]
+    bench.returns(10)
+    bench.ask(write(COMMAND, 50_000))
+    bench.until(60_000)
+    assert bench.connection.hung_up == [True]
+
+
 # --- what is told -------------------------------------------------------------------------------------------
 
 
