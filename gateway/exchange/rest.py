@@ -113,7 +113,7 @@ class Rest:
 
     def disturb(self, now_ns: int) -> None:
         """Bytes came in the middle of the silence: it begins anew, but not for ever."""
-        until_ns = max(now_ns + self._drain_ns, self.spoilt_until_ns)
+        until_ns = max(now_ns + self._drain_ns, self.spoilt_until_ns, self._opened_until_ns)
         self.until_ns = min(until_ns, self._drained_at_last_ns)
 
     def settle(self, now_ns: int) -> None:
