@@ -1,5 +1,7 @@
 """What each kind of lost link does, and how requests wait for the next connection (W5, W7, M3)."""
 
+from pathlib import Path
+
 import pytest
 
 from gateway.exchange.axis.state import Whereabouts
@@ -438,3 +440,10 @@ def test_serial_ports_answer_at_once_that_they_are_not_there() -> None:
     assert bench.port.take() == ABSENT_WRITE
     assert bench.now_ns < 3000 * MS
     assert bench.connection.wanted == 0
+
+
+def test_the_page_of_rules_has_the_table_of_lost_links() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "wire-rules.md").read_text(encoding="utf-8")
+    for kind, row in LINK_LOSS.items():
+        line = next(each for each in page.splitlines() if f"(`{kind.value}`) |" in each)
+        assert [cell.strip() for cell in line.split("|")[2:-1]] == [cell.value for cell in row]
