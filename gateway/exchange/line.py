@@ -626,7 +626,7 @@ class LineExchange(CuttingLine):
             state.tell_later(detail, now_ns)
         else:
             told = state.tell_down(detail, now_ns, is_under_way=bool(lost) and is_under_way)
-            if told:
+            if told is not None:
                 self._on_event(Event(EventKind.LINE_DOWN, None, told))
         for axis in lost:
             axis.lose_link(now_ns)

@@ -51,6 +51,7 @@ class LinkState:
 
     def __init__(self, axes: Sequence[Axis], *, connects: bool) -> None:
         self._axes = tuple(axes)
+        self._connects = connects
         self.loss = LinkLoss.RESTART
         """How it ended last; of a blink that lasts it becomes what that is then."""
         self.lost: tuple[Axis, ...] = self._axes
@@ -61,7 +62,7 @@ class LinkState:
         self.closes_soon = connects
         """Whether the server seems to close its connection after each answer; of one that is not known yet it
         is found out with the first answer."""
-        self._throttle = Throttle()
+        self._told = Throttle()
         self._is_told = True
         """Whether somebody knows that it is down: then that it is up is told, too."""
         self._detail = ""
@@ -121,18 +122,22 @@ class LinkState:
         self.lost = self._axes
         return kept
 
-    def tell_down(self, detail: str, now_ns: int, *, is_under_way: bool) -> str:
-        """Return what is told of the end of the link, "" where nothing is. A loss under way always is.
+    def tell_down(self, detail: str, now_ns: int, *, is_under_way: bool) -> str | None:
+        """Return what is told of the end of the link; None: nothing is told. A loss under way always is.
 
-        What stands behind a colon does not make it another reason.
+        What stands behind a colon does not make it another reason. A serial port that was unplugged is told
+        of each time.
         """
-        count = self._throttle.due(("line-down", detail.partition(":")[0]), now_ns)
+        if not self._connects:
+            self._is_told = True
+            return detail
+        count = self._told.due(("line-down", detail.partition(":")[0]), now_ns)
         self._detail = detail
         if count or is_under_way:
             self._is_told = True
             return detail + times(count)
         self.tell_later(detail, now_ns)
-        return ""
+        return None
 
     def tell_later(self, detail: str, now_ns: int) -> None:
         """It is told only if it lasts."""

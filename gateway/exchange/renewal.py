@@ -41,10 +41,10 @@ class Renewal:
 
     def __init__(self, response_timeout_ns: int, lost_ns: int) -> None:
         self._shortest_ns = FEWEST_TIMES * response_timeout_ns
-        self._lost_ns = lost_ns
+        self._hold_ns = lost_ns
         self.timeouts = 0
         """In a row, without a byte of anybody."""
-        self._since_ns = 0
+        self._mute_since_ns = 0
         """When the first of these requests was sent."""
         self._silent: set[int] = set()
         """Unit ids of them."""
@@ -61,7 +61,7 @@ class Renewal:
     def miss(self, unit_id: int, sent_ns: int, *, is_read: bool) -> None:
         """A request was not answered in time."""
         if not self.timeouts:
-            self._since_ns = sent_ns
+            self._mute_since_ns = sent_ns
         self.timeouts += 1
         self._silent.add(unit_id)
         self.may_have_written |= not is_read
@@ -77,7 +77,7 @@ class Renewal:
     def answered(self, now_ns: int) -> None:
         """A named read was answered: see :class:`Held`."""
         if self.held is Held.ALL:
-            self.held, self.held_until_ns = Held.WRITES, now_ns + self._lost_ns
+            self.held, self.held_until_ns = Held.WRITES, now_ns + self._hold_ns
 
     def settle(self, now_ns: int) -> None:
         """Hold writes back no longer than they have to be."""
@@ -88,7 +88,7 @@ class Renewal:
         """Whether nothing has come for as long as it takes; whether everybody was asked is not looked at."""
         return (
             self.timeouts >= FEWEST_TIMEOUTS
-            and now_ns - self._since_ns >= self._shortest_ns
+            and now_ns - self._mute_since_ns >= self._shortest_ns
             and now_ns >= self._not_before_ns
         )
 

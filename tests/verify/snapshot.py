@@ -113,6 +113,12 @@ NOT_COMPARED: Final = {
     "frame": "what the bytes of a request say: they are compared",
     "frames": "the same",
     "early_ns": "figures of an exchange",
+    "loss": "how a link ended: to a serial port, which no world closes in order, each is the same",
+    "lost": "the same",
+    "up_ns": "of connections alone, which no world has",
+    "down_ns": "the same",
+    "_is_told": "whether a line that is up again is told",
+    "_detail": "what is told of one that is down",
 }
 """Attributes that are put back and not compared, by name."""
 NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
