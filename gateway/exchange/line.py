@@ -127,6 +127,8 @@ class LineExchange(CuttingLine):
         )
         self._holds = False
         """Whether the connection carries less than everything (``renewal.Held``)."""
+        self._early_stops: list[Transaction] = []
+        """Stops that left meanwhile: what they stop may be executed after them, and they go once more."""
         self._delay_ns = int(timing.connect_delay_ms * NS_PER_MS)
         self._on_demand = timing.connects_on_demand and link.connects
         self._longest_ns = int(timing.max_connection_s * NS_PER_S) * link.connects
@@ -685,6 +687,8 @@ class LineExchange(CuttingLine):
         if self._holds:
             self._renewal.settle(now_ns)
             self._holds = self._renewal.held is not Held.NOTHING
+            if not self._holds:
+                self._stop_once_more()
         if self._closes_ns and now_ns >= self._closes_ns:
             self._close_at_rest(now_ns)
 
@@ -701,6 +705,20 @@ class LineExchange(CuttingLine):
             self._go_down(LinkLoss.OWN_CLOSE, "closed by the gateway, and not made anew", None, now_ns)
             self._report(self.axes)
             self._link.hang_up(returns=not self._on_demand)
+
+    def _note_early(self, stop: Transaction) -> None:
+        """Take note of a stop that leaves while writes are held, unless it does more than stop."""
+        is_known = any(each.is_same_stop(stop) for each in self._early_stops)
+        if stop.stopping is not Stopping.ONCE and not is_known:
+            self._early_stops.append(stop)
+
+    def _stop_once_more(self) -> None:
+        """Let the stops that left while writes were held leave once more, before any write does."""
+        stops, self._early_stops = self._early_stops, []
+        for stop in stops:
+            again = stop.once_more()
+            again.give_up()  # its controller was answered
+            self._waiting.add_again(again)
 
     def _wait_for_link(self, now_ns: int) -> int:
         """Answer what has waited for the link for too long; return when the next one has."""
@@ -1111,6 +1129,8 @@ class LineExchange(CuttingLine):
             self.answers.had_turn(id(port))
         if transaction.is_stop and self._is_early(transaction, now_ns):
             transaction.leave_early()
+        if self._holds and transaction.is_stop:
+            self._note_early(transaction)
         transaction.leave(now_ns, unit_id, patience_ns)
         if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
             self._link.send_request(unit_id, pdu)

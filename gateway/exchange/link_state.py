@@ -97,7 +97,8 @@ class LinkState:
         self.down_ns = now_ns
         closed = loss is LinkLoss.IDLE_CLOSE or loss is LinkLoss.OWN_CLOSE
         self.blinks_until_ns = now_ns + BLINK_NS if closed else 0
-        if loss is LinkLoss.IDLE_CLOSE and answered_ns >= self.up_ns:
+        by_us = loss is LinkLoss.OWN_CLOSE or loss is LinkLoss.RENEWAL
+        if self._connects and not by_us and answered_ns >= self.up_ns:
             self.closes_soon = now_ns - answered_ns <= CLOSES_SOON_NS
         if loss is LinkLoss.RENEWAL:
             self.lost = ()

@@ -229,6 +229,27 @@ def test_w5_a_stop_leaves_at_once_though_a_write_may_be_executed_yet() -> None:
     assert bench.link.sent == [(1, NAMED), (1, STOP)]
 
 
+def test_w5_such_a_stop_leaves_once_more_before_the_first_write() -> None:
+    """What it stops may have been executed after it."""
+    bench = ConnectionBench(axis_plan(motion=STAGED, lost_ms=700.0), retry_ms=0.0)
+    mute(bench, write(COMMAND, 50_000))
+    bench.returns(20)
+    bench.until(201)
+    bench.send(STOP)
+    bench.serve_one()  # the named read, and then the stop
+    bench.serve()
+    assert bench.port.take() == STOP
+    assert bench.seen[-1] == STOP
+    late = controller("cnc", timeout_ms=5000.0)
+    bench.send(write(COMMAND, 31_000), late)
+    seen = len(bench.seen)
+    bench.until(700)
+    bench.serve()
+    # Nobody knows on which branch it stands: between 10 counts more and 10 less.
+    assert [pdu for pdu in bench.seen[seen:] if pdu[0] != 3] == [STOP, write(COMMAND, 31_000)]
+    assert bench.port.replies == []
+
+
 def test_w5_where_nothing_may_be_read_a_connection_with_an_open_write_stays() -> None:
     bench = ConnectionBench(axis_plan(added_frames=False), retry_ms=0.0)
     mute(bench, write(COMMAND, 50_000), times=5)
