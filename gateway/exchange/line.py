@@ -40,7 +40,7 @@ from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on, moves_one_of
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.gate import Denial
-from gateway.exchange.link_loss import LINK_LOSS, LinkLoss, Reached
+from gateway.exchange.link_loss import CLOSES_SOON_NS, LINK_LOSS, LinkLoss, Reached
 from gateway.exchange.link_state import ASKED, IDLE, LinkState, is_at_rest
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.meter import LineMeter
@@ -397,9 +397,9 @@ class LineExchange(CuttingLine):
             self._report(self._units.axes_of(unit_id))
             self._next(now_ns)
             return
-        self.answers.answered_ns[unit_id] = now_ns
         if self._link_state.closes_soon:
-            self.rest.await_close(now_ns)
+            self._see_whether_it_closes(transaction, now_ns)
+        self.answers.answered_ns[unit_id] = now_ns
         if self.answers.silences:
             self._hear(unit_id, now_ns)
         path, cuts = transaction.path, self.cuts
@@ -720,6 +720,19 @@ class LineExchange(CuttingLine):
             again.give_up()  # its controller was answered
             self._waiting.add_again(again)
 
+    def _see_whether_it_closes(self, transaction: Transaction, now_ns: int) -> None:
+        """Behind an answer let nothing leave that a server would not read which closes its connection.
+
+        Of one that was not seen to do so that is what would leave in this very call; what comes later is
+        read after the end of the connection, if that has come.
+        """
+        state = self._link_state
+        answered_ns = self.answers.answered_ns[transaction.wire_unit_id]
+        if not state.has_closed_soon and state.up_ns <= answered_ns < now_ns - CLOSES_SOON_NS:
+            state.closes_soon = False
+        elif state.has_closed_soon or self._waiting.total or transaction.phase is Phase.PREREQUISITE:
+            self.rest.await_close(now_ns)
+
     def _wait_for_link(self, now_ns: int) -> int:
         """Answer what has waited for the link for too long; return when the next one has."""
         until_ns = HAS_NO_TURN
@@ -826,7 +839,7 @@ class LineExchange(CuttingLine):
         # Only here: a caller that comes late has read by then what had come (W6).
         rests_until_ns = self.rest.until_ns
         if self.rest.is_closing and rests_until_ns is not None and now_ns >= rests_until_ns:
-            self._link_state.closes_soon = False  # it stays open
+            self._link_state.closes_soon = self._link_state.has_closed_soon = False  # it stays open
         self.rest.settle(now_ns)
         self.answers.settle(now_ns)
         if not self.is_up or self._closes_ns or self._holds:

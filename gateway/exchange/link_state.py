@@ -60,8 +60,9 @@ class LinkState:
         self.blinks_until_ns = 0
         """Until then the link may come back as if it had not ended; 0: it did end."""
         self.closes_soon = connects
-        """Whether the server seems to close its connection after each answer; of one that is not known yet it
-        is found out with the first answer."""
+        """Whether the server may close its connection behind an answer: it was not seen yet that it stays."""
+        self.has_closed_soon = False
+        """Whether it did so the last time."""
         self._told = Throttle()
         self._is_told = True
         """Whether somebody knows that it is down: then that it is up is told, too."""
@@ -99,7 +100,7 @@ class LinkState:
         self.blinks_until_ns = now_ns + BLINK_NS if closed else 0
         by_us = loss is LinkLoss.OWN_CLOSE or loss is LinkLoss.RENEWAL
         if self._connects and not by_us and answered_ns >= self.up_ns:
-            self.closes_soon = now_ns - answered_ns <= CLOSES_SOON_NS
+            self.closes_soon = self.has_closed_soon = now_ns - answered_ns <= CLOSES_SOON_NS
         if loss is LinkLoss.RENEWAL:
             self.lost = ()
         elif closed:

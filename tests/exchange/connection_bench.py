@@ -46,7 +46,7 @@ class ConnectionBench(Bench):
         times: dict[str, Any] = {"response_timeout_ms": 200.0, "drain_ms": 50.0, **timing}
         self.connection = Connection(is_serial=rtu)
         super().__init__(*plans, timing=LineTiming(**times), serial=serial, link=self.connection)
-        if settled:
+        for _ in range(2 * settled):
             self.ask(bytes.fromhex("03 0700 0001"))
             self.until(21)
         self.events.clear()

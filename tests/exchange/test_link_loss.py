@@ -308,8 +308,13 @@ def test_w11_a_dead_drive_stays_dead_over_a_blink_and_is_asked_again_after_a_los
 
 
 def test_w5_nothing_is_sent_into_a_connection_that_its_server_closes_behind_each_answer() -> None:
-    """Until that is known: for 20 ms after the first answer nothing leaves, not even a stop."""
+    """It closed 0.2 ms after its first answer: for 20 ms after the next nothing leaves, not even a stop."""
     bench = ConnectionBench(axis_plan(motion=STAGED), settled=False)
+    bench.send(READ)
+    bench.serve_one()
+    bench.until(0.2)
+    bench.peer_closes()
+    bench.returns(10)
     bench.send(READ)
     bench.serve_one()
     bench.send(STOP)
@@ -317,17 +322,35 @@ def test_w5_nothing_is_sent_into_a_connection_that_its_server_closes_behind_each
     bench.until(19.9)
     assert bench.link.sent == []
     bench.until(0.2)  # it stays open: it is a server as any other
-    assert bench.link.take() == STOP
-    bench.line.reply(1, STOP, bench.now_ns)
-    bench.send(READ)
-    assert bench.link.take() == READ
-    bench.line.reply(1, b"\x03\x02\x00\x00", bench.now_ns)
-    bench.peer_closes()
-    bench.returns(10)
-    bench.send(READ)
+    assert bench.link.sent == [(1, STOP)]
     bench.serve_one()
     bench.send(READ)
+    assert bench.link.take() == READ
+
+
+def test_w5_what_would_leave_with_an_answer_waits_until_a_server_has_shown_that_it_stays() -> None:
+    bench = ConnectionBench(axis_plan(), settled=False)
+    bench.send(write(COMMAND, 50_000))
+    bench.serve_one()  # the look
     assert bench.link.sent == []
+    bench.until(20)
+    bench.serve_one()
+    assert bench.memory.get(COMMAND) == 50_010
+    bench.until(1000)
+    bench.send(write(COMMAND, 60_000))
+    bench.serve_one()
+    assert bench.link.take() == write(COMMAND, 60_010)
+
+
+def test_a_server_that_is_asked_later_than_20_ms_after_its_answer_has_shown_that_it_stays() -> None:
+    bench = ConnectionBench(axis_plan(), settled=False)
+    for _ in range(2):
+        bench.send(READ)
+        bench.serve_one()
+        bench.until(20)
+    bench.send(write(COMMAND, 50_000))
+    bench.serve_one()  # the look
+    assert bench.link.take() == write(COMMAND, 50_010)
 
 
 # --- connections that we close ------------------------------------------------------------------------------

@@ -117,6 +117,7 @@ NOT_COMPARED: Final = {
     "lost": "the same",
     "up_ns": "of connections alone, which no world has",
     "down_ns": "the same",
+    "has_closed_soon": "of connections alone, which no world has",
     "_is_told": "whether a line that is up again is told",
     "_detail": "what is told of one that is down",
 }
