@@ -121,7 +121,8 @@ class LineExchange(CuttingLine):
         self._current: Transaction | None = None
         self.is_up = False
         """Whether there is a link to the drives."""
-        self._link_state = LinkState(self.axes, connects=link.connects)
+        self.link_state = LinkState(self.axes, connects=link.connects)
+        """How it ended last, and what is told of it."""
         self._renewal = Renewal(
             self._response_timeout_ns, longest_lost_ns([axis.plan.lost_ms for axis in self.axes])
         )
@@ -169,9 +170,15 @@ class LineExchange(CuttingLine):
         return min(rests_until_ns, waits_until_ns)
 
     @property
+    def is_still(self) -> bool:
+        """Whether nothing is on the wire, waits or is due, but that the connection may be closed."""
+        due_ns = self.deadline_ns
+        return due_ns is None or (self._closes_ns > 0 and due_ns == self._closes_ns)
+
+    @property
     def serves(self) -> bool:
         """Whether there is a link to the drives, or none because nobody needs it, or for a moment."""
-        return self.is_up or self._link_state.is_blinking or (self._on_demand and not self._waiting.total)
+        return self.is_up or self.link_state.is_blinking or (self._on_demand and not self._waiting.total)
 
     @property
     def owes_silence(self) -> bool:
@@ -397,7 +404,7 @@ class LineExchange(CuttingLine):
             self._report(self._units.axes_of(unit_id))
             self._next(now_ns)
             return
-        if self._link_state.closes_soon:
+        if self.link_state.closes_soon:
             self._see_whether_it_closes(transaction, now_ns)
         self.answers.answered_ns[unit_id] = now_ns
         if self.answers.silences:
@@ -555,7 +562,7 @@ class LineExchange(CuttingLine):
         """Note that the drives can be reached. What that means, :data:`~.link_loss.LINK_LOSS` says."""
         if self.is_up:
             return
-        state = self._link_state
+        state = self.link_state
         self._end_blink(now_ns)
         loss = LinkLoss.BLINK if state.is_blinking else state.loss
         row = LINK_LOSS[loss]
@@ -609,11 +616,20 @@ class LineExchange(CuttingLine):
         self._keep_waiting(now_ns)
         self._report(self.axes)
 
+    def resume_link(self, up_ns: int, *, closes_soon: bool, has_closed_soon: bool) -> None:
+        """Go on with a link of which more is known than that it is up: in a replay."""
+        state = self.link_state
+        state.closes_soon, state.has_closed_soon = closes_soon, has_closed_soon
+        if up_ns:
+            state.up_ns = up_ns
+            if self._longest_ns and not self._on_demand:
+                self._closes_ns = up_ns + self._longest_ns
+
     # --- connections: how they end, and what waits for the next one -------------------------------------
 
     def _go_down(self, loss: LinkLoss, detail: str, current: Transaction | None, now_ns: int) -> None:
         """Take the link for down, and forget of the axes what :data:`~.link_loss.LINK_LOSS` says."""
-        state = self._link_state
+        state = self.link_state
         self.is_up = False
         self._closes_ns = 0
         is_under_way = any(axis.whereabouts in ON_WAY for axis in self.axes)
@@ -643,7 +659,7 @@ class LineExchange(CuttingLine):
         """Let what waits wait for the next connection; where there will be none, nothing is to be had."""
         for transaction in self._waiting.withdraw(lambda each: each.port is None or not self._link.connects):
             self._refuse_absent(transaction, now_ns)
-        is_lost = bool(self._link_state.lost)
+        is_lost = bool(self.link_state.lost)
         for transaction in self._waiting:
             transaction.hold_up()
             if is_lost and transaction.known is not None:
@@ -652,7 +668,7 @@ class LineExchange(CuttingLine):
 
     def _end_blink(self, now_ns: int) -> None:
         """A connection that did not come back at once is lost: what was known counts no more."""
-        state = self._link_state
+        state = self.link_state
         lost = state.end_blink(now_ns)
         for axis in lost:
             axis.lose_link(state.down_ns)
@@ -670,7 +686,7 @@ class LineExchange(CuttingLine):
     def _link_due_ns(self) -> int:
         """Return when something of the link is due: how long it is down, or whether it is to be closed."""
         if not self.is_up:
-            return self._link_state.deadline_ns
+            return self.link_state.deadline_ns
         due_ns = self._closes_ns or HAS_NO_TURN
         if self._renewal.held is Held.WRITES:
             due_ns = min(due_ns, self._renewal.held_until_ns)
@@ -680,7 +696,7 @@ class LineExchange(CuttingLine):
         """Do what has fallen due of the link itself."""
         if not self.is_up:
             self._end_blink(now_ns)
-            told = self._link_state.tell_lasting(now_ns)
+            told = self.link_state.tell_lasting(now_ns)
             if told:
                 self._on_event(Event(EventKind.LINE_DOWN, None, told))
             return
@@ -694,7 +710,7 @@ class LineExchange(CuttingLine):
 
     def _close_at_rest(self, now_ns: int) -> None:
         """Close the connection, if it is to be closed, once nothing is under way."""
-        idle_ns = max(self._link_state.up_ns, self.answers.last_answered_ns) + ON_DEMAND_NS
+        idle_ns = max(self.link_state.up_ns, self.answers.last_answered_ns) + ON_DEMAND_NS
         is_idle = self._current is None and not self._waiting.total and not self.answers.silences
         is_idle = is_idle and self.rest.until_ns is None and not self._holds
         if self._on_demand and now_ns < idle_ns:
@@ -726,7 +742,7 @@ class LineExchange(CuttingLine):
         Of one that was not seen to do so that is what would leave in this very call; what comes later is
         read after the end of the connection, if that has come.
         """
-        state = self._link_state
+        state = self.link_state
         answered_ns = self.answers.answered_ns[transaction.wire_unit_id]
         if not state.has_closed_soon and state.up_ns <= answered_ns < now_ns - CLOSES_SOON_NS:
             state.closes_soon = False
@@ -839,7 +855,7 @@ class LineExchange(CuttingLine):
         # Only here: a caller that comes late has read by then what had come (W6).
         rests_until_ns = self.rest.until_ns
         if self.rest.is_closing and rests_until_ns is not None and now_ns >= rests_until_ns:
-            self._link_state.closes_soon = self._link_state.has_closed_soon = False  # it stays open
+            self.link_state.closes_soon = self.link_state.has_closed_soon = False  # it stays open
         self.rest.settle(now_ns)
         self.answers.settle(now_ns)
         if not self.is_up or self._closes_ns or self._holds:
@@ -967,7 +983,7 @@ class LineExchange(CuttingLine):
 
     def _is_answered_at_once(self, transaction: Transaction, now_ns: int) -> bool:
         """The same of one that comes now: with the next link a dead drive may be asked again."""
-        is_asked_again = not self.is_up and LINK_LOSS[self._link_state.loss].reach is Reached.ASKED_AGAIN
+        is_asked_again = not self.is_up and LINK_LOSS[self.link_state.loss].reach is Reached.ASKED_AGAIN
         return not is_asked_again and self._is_answered_for(transaction, now_ns)
 
     def _is_behind(self, port: ControllerPort) -> bool:

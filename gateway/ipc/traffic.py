@@ -181,6 +181,11 @@ class Beginning(_Input, frozen=True, tag="beginning"):
     """Which boot of the machine its times are of, as the records have it."""
     controls: tuple["ControlInput", ...] = ()
     """What somebody outside has changed since the start, as far as it is still in force."""
+    up_ns: int = 0
+    """When the link to the drives came up last."""
+    closes_soon: bool = False
+    """Its server may close it behind an answer, or did so the last time (``exchange.link_state``)."""
+    has_closed_soon: bool = False
 
 
 class Port(_Entry, frozen=True, tag="port", omit_defaults=True):

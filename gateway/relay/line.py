@@ -343,7 +343,18 @@ class Line:
             for axis in self._exchange.axes
         )
         in_force = tuple(self._in_force.values())
-        return traffic.Beginning(self.plan.name, now_ns, axes, self._exchange.is_up, boot_id(), in_force)
+        state = self._exchange.link_state
+        return traffic.Beginning(
+            self.plan.name,
+            now_ns,
+            axes,
+            self._exchange.is_up,
+            boot_id(),
+            in_force,
+            state.up_ns,
+            state.closes_soon,
+            state.has_closed_soon,
+        )
 
     def _keep_in_force(self, entry: traffic.ControlInput) -> None:
         """Keep what was changed last, of each kind for each axis."""

@@ -123,7 +123,7 @@ class TapeSink(Sink):
 
     def may_begin(self, exchange: LineExchange, now_ns: int) -> None:
         """See ``Sink``. Something holds only where nothing is on the wire, waits, or is due."""
-        if self._begun_in != self._tape.number and exchange.deadline_ns is None:
+        if self._begun_in != self._tape.number and exchange.is_still:
             self._t_ns = now_ns
             self.entry(self._beginning(now_ns))
             self._begun_in = self._tape.number
