@@ -307,3 +307,23 @@ async def test_w5_a_server_killed_in_the_middle_of_a_renewal_gets_no_write_twice
         await asyncio.sleep(0.02)
         assert number < 200
     assert [pdu for _, pdu in server.writes] == [target(10_010), target(40_040)]
+
+
+async def test_a_connection_on_demand_is_there_for_a_request_and_closed_a_second_after_its_answer(
+    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+) -> None:
+    server = serve(Habit.STAYS)
+    where = await server.start()
+    link, _ = bench.controller_link("tcp", timeout_ms=1000.0)
+    timing = LineTiming(response_timeout_ms=100.0, connects_on_demand=True)
+    relay = await bench.relay(where, (link,), (tools.axis(),), timing)
+    cnc = await bench.connect(relay.address("line", "cnc"))
+    await asyncio.sleep(0.1)
+    assert (server.connections, tools.line_status(relay)["state"]) == (0, "up")
+    for number in (1, 2):
+        assert await ask(cnc, number, bytes.fromhex("03 00C8 0001")) == bytes.fromhex("03 02 0000")
+        assert len(server.open) == 1
+        await tools.eventually(lambda: not server.open)
+    assert server.connections == 2
+    assert tools.line_status(relay)["state"] == "up"
+    assert not [note.event for note in bench.notes if note.event in ("line-down", "line-up")][1:]
