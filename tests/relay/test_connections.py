@@ -4,12 +4,18 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 from enum import Enum
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import pytest
 
 from gateway.exchange.plan import LineTiming
+from gateway.ipc import traffic
+from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
+from gateway.relay.gateway import Relay
+from gateway.relay.recorder import Recorder
+from gateway.relay.replay import Replay
 from gateway.transport.endpoints import TcpEndpoint
 
 if TYPE_CHECKING:
@@ -327,3 +333,30 @@ async def test_a_connection_on_demand_is_there_for_a_request_and_closed_a_second
     assert server.connections == 2
     assert tools.line_status(relay)["state"] == "up"
     assert not [note.event for note in bench.notes if note.event in ("line-down", "line-up")][1:]
+
+
+@pytest.mark.parametrize("habit", [Habit.MUTE_AT_FIRST, Habit.CLOSES_AFTER_ANSWER, Habit.CLOSES_WHEN_IDLE])
+async def test_a_run_over_connections_that_come_and_go_is_replayed_byte_for_byte(
+    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server], habit: Habit, tmp_path: Path
+) -> None:
+    server, path = serve(habit), tmp_path / "record.jsonl"
+    link, _ = bench.controller_link("tcp", timeout_ms=150.0)
+    timing = LineTiming(response_timeout_ms=50.0, retry_ms=100.0)
+    line = LinePlan("line", await server.start(), (link,), (tools.axis(),), timing)
+    plan = GatewayPlan("bench", (line,))
+    header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
+    relay = Relay(plan, bench.notes.append, recorder=Recorder(path, header))
+    await relay.start()
+    bench.stack.push_async_callback(relay.stop)
+    cnc = await bench.connect(relay.address("line", "cnc"))
+    for number in range(1, 31):
+        pdu = target(1_000 * number) if number % 2 else bytes.fromhex("03 00C8 0001")
+        await ask(cnc, number, pdu)
+        await asyncio.sleep(0.07 if number % 5 == 0 else 0.0)
+    await relay.stop()
+    assert server.connections > 1
+    replay = Replay(plan)
+    for number, entry in enumerate(path.read_bytes().splitlines(keepends=True), start=1):
+        replay.feed(number, traffic.decode(entry))
+    assert (replay.result.first, replay.result.different) == ([], 0)
+    assert replay.result.outputs > 30
