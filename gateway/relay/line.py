@@ -243,8 +243,11 @@ class Line:
         return {
             **of_exchange,
             "state": "up" if self.is_up else "down",
-            "minute": {"exchanges": minute["exchanges"], "damaged": minute.get("damaged", 0)},
-            "malformed_minute": minute.get("malformed", 0),
+            "minute": {
+                "exchanges": minute["exchanges"],
+                "damaged": minute.get("damaged", 0),
+                "malformed": minute.get("malformed", 0),
+            },
             **self._latency.line(),
             "computed": self._computed,
             **self._link.counters(),

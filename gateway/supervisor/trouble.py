@@ -132,7 +132,7 @@ def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
         )
         yield Trouble(kinds.LINE_DOWN, place, where, what, axes)
     unit_ids = line.get("unit_ids", _NOT_TOLD)
-    malformed = line.get("malformed_minute", 0)
+    malformed = line.get("minute", {}).get("malformed", 0)
     if malformed:
         what = (
             f"{malformed} answers of the drives at {line['drives']['address']} had a header whose length "
