@@ -335,7 +335,7 @@ class LineExchange(CuttingLine):
         if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
             current.overtake(reason)
         stop.become_stop(only_stops=self._units.only_stops(self._units.frames_of(stop)))
-        if self._is_held_up:
+        if not self.is_up or self.rest.is_opening:
             stop.hold_up()
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             busy = ExceptionCode.SERVER_DEVICE_BUSY

@@ -229,6 +229,17 @@ def test_w5_a_stop_leaves_at_once_though_a_write_may_be_executed_yet() -> None:
     assert bench.link.sent == [(1, NAMED), (1, STOP)]
 
 
+def test_m3_a_stop_behind_a_named_read_is_sent_however_long_that_takes() -> None:
+    bench = ConnectionBench(axis_plan(motion=STAGED), retry_ms=0.0)
+    mute(bench, write(COMMAND, 50_000))
+    bench.returns(20)
+    bench.until(201)
+    assert bench.link.sent == [(1, NAMED)]
+    bench.send(STOP, controller("cnc", timeout_ms=100.0))
+    bench.until(200)  # twice as long as its controller waits
+    assert bench.link.sent == [(1, NAMED), (1, STOP)]
+
+
 def test_w5_such_a_stop_leaves_once_more_before_the_first_write() -> None:
     """What it stops may have been executed after it."""
     bench = ConnectionBench(axis_plan(motion=STAGED, lost_ms=700.0), retry_ms=0.0)
