@@ -10,16 +10,30 @@ from gateway.catalogue.entry import EventEntry, Severity
 LINE_UP: Final = EventEntry(
     "line-up",
     Severity.INFO,
-    "the way to the drives of a line is open: requests pass",
+    "the way to the drives of a line is open: requests pass; told where its end was told",
     "the start, or the end of a `line-down`",
 )
 LINE_DOWN: Final = EventEntry(
     "line-down",
     Severity.WARNING,
-    "the way to the drives of a line is lost; on TCP requests are answered with exception 0x0A, on RTU with "
-    "silence",
-    "an adapter was unplugged, or the connection to the drives or their device server was closed",
+    "the way to the drives of a line is lost: over TCP requests wait for the next connection until half of "
+    "their controller's `timeout_ms` has passed, and are then answered with exception 0x0A, on RTU with "
+    "silence. The detail says why. Told once a minute for each reason, with how often it happened; at once "
+    "where an axis was under way, and where it lasts for a second",
+    "an adapter was unplugged, or the connection to the drives or their device server was closed; *when "
+    "idle*: the server closes connections on which nothing is asked, which does no harm; *after a malformed "
+    "header*: what is there does not speak Modbus/TCP as it should",
     "check cable, adapter and power of the drives; the gateway opens the way again by itself",
+)
+CONNECTION_RENEWED: Final = EventEntry(
+    "connection-renewed",
+    Severity.WARNING,
+    "nothing came on the connection to the drives for three time-outs, whoever was asked: it was broken "
+    "off, and another one is made. It is no sign of life: what counts silence goes on. Made anew again after "
+    "1 s at the soonest, then twice as late each time up to 60 s",
+    "a device server that has forgotten the connection, or one that was asked too soon after it accepted it; "
+    "drives that are off behind a converter look the same",
+    "where it happens after each start, set `connect_delay_ms`; else look at the drives and their converter",
 )
 DRIVE_SILENT: Final = EventEntry(
     "drive-silent",

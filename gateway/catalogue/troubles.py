@@ -44,6 +44,16 @@ ADAPTER_ECHOES: Final = TroubleEntry(
     "an RS-485 adapter whose receiver stays on while it sends, or a device server with an echo",
     "set `echo = true` for the drives of the line; switch the echo of a device server off",
 )
+DRIVE_MALFORMED: Final = TroubleEntry(
+    "drive-malformed",
+    Severity.ERROR,
+    "the drives of a line answer with headers whose length cannot be: nobody knows where the next frame "
+    "begins, so the connection is closed each time",
+    "a device that does not speak Modbus/TCP, speaks RTU over TCP, or writes a wrong length into its header",
+    "set `rtu_over_tcp` instead of `tcp` where the device sends RTU frames; else give the bytes of the event "
+    "`line-down` to its maker",
+    title="Drive not understood",
+)
 DRIVE_GARBLED: Final = TroubleEntry(
     "drive-garbled",
     Severity.ERROR,
@@ -294,6 +304,7 @@ HIDES: Final[Mapping[TroubleEntry, tuple[TroubleEntry, ...]]] = {
     RELAY_SILENT: _OF_RELAY,
     LINE_DOWN: (DRIVE_GARBLED, OTHER_ID, DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
     ADAPTER_ECHOES: (DRIVE_DAMAGED,),
+    DRIVE_MALFORMED: (DRIVE_SILENT,),
     DRIVE_GARBLED: (DRIVE_SILENT, DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
     OTHER_ID: (DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
     DRIVE_SILENT: (DRIVE_DAMAGED, BLOCKED, UNREFERENCED),

@@ -9,7 +9,7 @@ from gateway.config.axis_model import AddedFrames, AxisSection, StoredMoves, Unm
 from gateway.config.check_tls import tls_files
 from gateway.config.crosses import Crosses
 from gateway.config.drive_files import NamedProfile
-from gateway.config.line_model import ControllerSection, LineSection
+from gateway.config.line_model import Connect, ControllerSection, LineSection
 from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of, thermal_of
 from gateway.config.tables import AxisTable
@@ -69,6 +69,9 @@ def line_plan(
             response_timeout_ms=line.response_timeout_ms,
             drain_ms=line.response_timeout_ms if line.drain_ms is None else line.drain_ms,
             retry_ms=line.retry_ms,
+            connect_delay_ms=line.connect_delay_ms,
+            max_connection_s=line.max_connection_s,
+            connects_on_demand=line.connect is Connect.ON_DEMAND,
             turnaround_ms=line.turnaround_ms,
             # Drives share the wire: the one that needs the longest silence sets the pace.
             gap_ms=max([line.gap_ms, *(_registers(axis).gap_ms for axis in axes.values())]),

@@ -9,7 +9,7 @@ from typing import Final, TypeGuard
 from gateway.config.axis_model import AxisSection
 from gateway.config.findings import Findings
 from gateway.config.gateway_model import StatusUnitSection
-from gateway.config.line_model import LineSection
+from gateway.config.line_model import Connect, LineSection
 from gateway.config.problems import key_text
 from gateway.config.toml_lines import KeyPath
 from gateway.exchange.plan import Role
@@ -43,6 +43,7 @@ def check_lines(
     for name, line in lines.items():
         _check_names(findings, name, line)
         _check_drain(findings, name, line)
+        _check_connection(findings, name, line)
         _check_cut_through(findings, name, line)
         _check_units(findings, name, line, set(unit_ids.get(name, ())))
         _check_open_listeners(findings, name, line)
@@ -108,6 +109,18 @@ def _check_drain(findings: Findings, name: str, line: LineSection) -> None:
             "drain_ms on Modbus TCP drives",
             "leave it out: their late replies are known by the transaction id",
         )
+
+
+def _check_connection(findings: Findings, name: str, line: LineSection) -> None:
+    """A serial port is no connection."""
+    given = {
+        "connect": line.connect is not Connect.ALWAYS,
+        "connect_delay_ms": line.connect_delay_ms > 0.0,
+        "max_connection_s": line.max_connection_s > 0.0,
+    }
+    for key in (key for key, is_given in given.items() if is_given and line.drives.rtu is not None):
+        found = f"{key} with drives on a serial port"
+        findings.refuse(("line", name, key), found, "leave it out: it is for connections")
 
 
 def _check_cut_through(findings: Findings, name: str, line: LineSection) -> None:

@@ -4,6 +4,7 @@ from typing import Final
 
 from gateway.config.axis_model import AddedFrames, AxisSection
 from gateway.config.findings import Findings
+from gateway.config.line_model import Connect
 from gateway.config.sections import Sections
 from gateway.config.toml_lines import KeyPath
 from gateway.drives.meanings import rule_meaning
@@ -24,12 +25,29 @@ def check_references(findings: Findings, sections: Sections) -> None:
     for name, axis in (sections.axes | sections.partial_axes).items():
         if axis.registers is None:
             continue
+        _check_connection(findings, sections, name, axis)
         path = ("axis", name, "referenced")
         for lack, remedy in _lacks(axis.referenced, axis.registers):
             found = f'referenced = "{axis.referenced.value}" {lack}'
             findings.refuse(path, found, f"{remedy}; {_others(axis.referenced, axis.registers)}")
         if axis.referenced is Reference.DRIVE_BIT and axis.registers.bits.homed is not None:
             _check_reading(findings, path, axis, axis.registers)
+
+
+def _check_connection(findings: Findings, sections: Sections, name: str, axis: AxisSection) -> None:
+    """What only the gateway has seen counts no more where it does not look."""
+    line = sections.lines.get(axis.line)
+    is_on_demand = line is not None and line.connect is Connect.ON_DEMAND
+    if is_on_demand and axis.referenced in (Reference.HOMING, Reference.SET_POSITION):
+        found = (
+            f'connect = "on-demand" with axis {name}, which has referenced = "{axis.referenced.value}": '
+            "nobody would see that its drive was switched off"
+        )
+        findings.refuse(
+            ("line", axis.line, "connect"),
+            found,
+            'leave it out, or let a bit of the drive say that it is homed (referenced = "drive-bit")',
+        )
 
 
 def _lacks(way: Reference, registers: RegisterMap) -> list[tuple[str, str]]:

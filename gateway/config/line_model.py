@@ -189,6 +189,13 @@ class ControllerSection(RightsKeys, _SerialSettings):
         return self.listens or self.serial_endpoint(self.rtu or "")
 
 
+class Connect(Enum):
+    """When there is a connection to the drives."""
+
+    ALWAYS = "always"
+    ON_DEMAND = "on-demand"
+
+
 class LineSection(StrictModel):
     """One bus of drives."""
 
@@ -208,6 +215,18 @@ class LineSection(StrictModel):
         default=_TIMING.retry_ms,
         description="milliseconds after which a unit id that left three requests unanswered is tried again, "
         "doubling to 10 s; 0: it is always asked",
+    )
+    connect: ByName[Connect] = Field(
+        default=Connect.ALWAYS,
+        description="when there is a connection to the drives, over tcp: always, or on-demand",
+    )
+    connect_delay_ms: MillisecondsOrZero = Field(
+        default=_TIMING.connect_delay_ms,
+        description="milliseconds between a connection to the drives and the first request on it, over tcp",
+    )
+    max_connection_s: Annotated[float, Field(ge=0.0, le=1e6)] = Field(
+        default=_TIMING.max_connection_s,
+        description="seconds after which a connection to the drives is made anew, over tcp; 0: never",
     )
     turnaround_ms: MillisecondsOrZero = Field(
         default=_TIMING.turnaround_ms, description="milliseconds of pause after a broadcast"

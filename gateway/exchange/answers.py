@@ -288,6 +288,11 @@ class Answers:
         """Whether a late frame may come from anybody."""
         return self.quiet_ns is not None
 
+    @property
+    def last_answered_ns(self) -> int:
+        """When any unit id answered last; 0: none ever did."""
+        return max(self.answered_ns)
+
     def owes_of(self, unit_id: int) -> bool:
         """Whether a late frame may come from a unit id."""
         silence = self.silences.get(unit_id)

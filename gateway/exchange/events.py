@@ -9,6 +9,7 @@ class EventKind(Enum):
 
     LINE_UP = "line-up"
     LINE_DOWN = "line-down"
+    CONNECTION_RENEWED = "connection-renewed"
     DRIVE_SILENT = "drive-silent"
     DRIVE_BACKED_OFF = "drive-backed-off"
     DRIVE_ANSWERS = "drive-answers"

@@ -32,6 +32,7 @@ from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.events import Outcome, SteadyTarget
 from gateway.exchange.axis.groups import join
 from gateway.exchange.axis.registers import Loss
+from gateway.exchange.axis.state import ON_WAY
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.control import Control, ControlError, EndDryRun, SetLimits, carry_out
 from gateway.exchange.counters import LineCounters
@@ -42,6 +43,8 @@ from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on, moves_one_of
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.gate import Denial
+from gateway.exchange.link_loss import CLOSES_SOON_NS, LINK_LOSS, LinkLoss, Reached
+from gateway.exchange.link_state import ASKED, IDLE, LinkState, is_at_rest
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.meter import LineMeter
 from gateway.exchange.ownership import Ownership
@@ -49,6 +52,7 @@ from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, LineTiming, OtherUni
 from gateway.exchange.ports import ControllerPort, DriveLink, OwnUnit
 from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.renewal import Held, Renewal, longest_lost_ns
 from gateway.exchange.request import Known
 from gateway.exchange.rest import Rest
 from gateway.exchange.throttle import Throttle, times
@@ -71,6 +75,12 @@ ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
 EXCEPTION: Final = Outcome.EXCEPTION
 HAS_NO_TURN: Final = 1 << 62
 """Instant of what waits for somebody else's turn and not for time."""
+WANTED_AGAIN_NS: Final = 100 * NS_PER_MS
+"""So often a connection is asked for while something waits for it."""
+ON_DEMAND_NS: Final = NS_PER_S
+"""A connection on demand is closed after as long without an answer."""
+LOOKED_AGAIN_NS: Final = 100 * NS_PER_MS
+"""So often it is looked whether a connection can be closed, from when on it is to be."""
 FULL_ECHOES: Final = frozenset({0x05, 0x06, 0x16})
 """Function codes whose reply repeats the whole request: no other one has the same."""
 NO_UNIT_ID: Final = -1
@@ -118,6 +128,20 @@ class LineExchange(CuttingLine):
         """The connection of what is on the wire, where that has broken off meanwhile."""
         self.is_up = False
         """Whether there is a link to the drives."""
+        self.link_state = LinkState(self.axes, connects=link.connects)
+        """How it ended last, and what is told of it."""
+        self._renewal = Renewal(
+            self._response_timeout_ns, longest_lost_ns([axis.plan.lost_ms for axis in self.axes])
+        )
+        self._holds = False
+        """Whether the connection carries less than everything (``renewal.Held``)."""
+        self._early_stops: list[Transaction] = []
+        """Stops that left meanwhile: what they stop may be executed after them, and they go once more."""
+        self._delay_ns = int(timing.connect_delay_ms * NS_PER_MS)
+        self._on_demand = timing.connects_on_demand and link.connects
+        self._longest_ns = int(timing.max_connection_s * NS_PER_S) * link.connects
+        self._closes_ns = 0
+        """When it is looked whether the connection can be closed; 0: it stays."""
         self._is_stopping = False
         self.answers = Answers(timing, is_serial=link.is_serial)
         self._refusals = Throttle(NS_PER_S, REFUSALS_TOLD)
@@ -141,6 +165,10 @@ class LineExchange(CuttingLine):
         if self._current is not None:
             return self._current.deadline_ns
         rests_until_ns, waits_until_ns = self.rest.until_ns, self._waits_until_ns
+        if not self.is_up or self._closes_ns or self._holds:
+            due_ns = self._link_due_ns()
+            if due_ns < HAS_NO_TURN and (waits_until_ns is None or due_ns < waits_until_ns):
+                waits_until_ns = due_ns
         if self.answers.silences:
             quiet_ns = self.answers.quiet_ns
             if quiet_ns is not None and (waits_until_ns is None or quiet_ns < waits_until_ns):
@@ -148,6 +176,17 @@ class LineExchange(CuttingLine):
         if rests_until_ns is None or waits_until_ns is None:
             return waits_until_ns if rests_until_ns is None else rests_until_ns
         return min(rests_until_ns, waits_until_ns)
+
+    @property
+    def is_still(self) -> bool:
+        """Whether nothing is on the wire, waits or is due, but that the connection may be closed."""
+        due_ns = self.deadline_ns
+        return due_ns is None or (self._closes_ns > 0 and due_ns == self._closes_ns)
+
+    @property
+    def serves(self) -> bool:
+        """Whether there is a link to the drives, or none because nobody needs it, or for a moment."""
+        return self.is_up or self.link_state.is_blinking or (self._on_demand and not self._waiting.total)
 
     @property
     def owes_silence(self) -> bool:
@@ -230,13 +269,18 @@ class LineExchange(CuttingLine):
         is_motion = port.is_motion
         if is_motion and self._gaps.is_watching and not self._is_moving:
             self._gaps.motion_came(now_ns)
-        is_free = self._current is None and self.rest.until_ns is None and not self.answers.silences
+        is_free = (
+            self._current is None
+            and self.rest.until_ns is None
+            and not self.answers.silences
+            and not self._holds
+        )
         if why_given_up and not (self.is_up and self._units.stops_of(self._units.frames_of(transaction))):
             self._withdraw(transaction, why_given_up, now_ns)
         elif is_free and is_motion and self.is_up:
             self._start_request(transaction, now_ns)
         else:
-            self._judge(transaction, now_ns, is_free=is_free)
+            self._judge(transaction, now_ns, is_free=is_free and self.is_up)
 
     def _answer_as_own(self, transaction: Transaction, why_given_up: str, now_ns: int) -> None:
         """Answer for the gateway's own unit id, whatever the line is at."""
@@ -252,7 +296,7 @@ class LineExchange(CuttingLine):
         is_allowed, stops = judge(self._units, transaction, is_free=is_free)
         if not is_allowed:
             self._deny(transaction, role_denial(port.plan.role), now_ns)
-        elif not self.is_up:
+        elif not self.is_up and not self._link.connects:
             self._refuse_absent(transaction, now_ns)
         elif is_free and stops:
             self._start(transaction, now_ns)
@@ -260,12 +304,14 @@ class LineExchange(CuttingLine):
             self._overtake(transaction, stops, now_ns)
         elif self._waiting.is_full(port):
             self._deny(transaction, NO_ROOM, now_ns)
-        elif self._is_answered_for(transaction, now_ns) and not self._is_behind(port):
+        elif self._is_answered_at_once(transaction, now_ns) and not self._is_behind(port):
             self._answer_for_dead(transaction, now_ns)
         elif self._is_too_late(transaction, now_ns) and not self._is_behind(port):
             self._answer_unasked(transaction, now_ns)
         else:
             self._gaps.is_watching |= not transaction.is_motion
+            if self._is_held_up:
+                transaction.hold_up()
             is_behind = self._waiting.has(port)
             self._waiting.add(transaction)
             if not is_behind:  # else nothing has changed for those before it
@@ -302,6 +348,8 @@ class LineExchange(CuttingLine):
         if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
             current.overtake(reason)
         stop.become_stop(only_stops=self._units.only_stops(self._units.frames_of(stop)))
+        if not self.is_up or self.rest.is_opening:
+            stop.hold_up()
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             busy = ExceptionCode.SERVER_DEVICE_BUSY
             self._refuse(stop, busy, now_ns, loss=None)
@@ -362,18 +410,22 @@ class LineExchange(CuttingLine):
             return
         if len(pdu) > MAX_PDU:  # it cannot be passed on
             self._current = None
+            self._renewal.hear()
             self.counters.oversized += 1
             self._end_unanswered(transaction, now_ns)
             self._gaps.ended(transaction, now_ns)
             self._next(now_ns)
             return
         if transaction.stopping is Stopping.EARLY and not self._is_answer(transaction, pdu):
+            self._renewal.hear()
             self.answers.disturb(unit_id, now_ns)
             self._current = None
             self._send_once_more(transaction, now_ns)
             self._report(self._units.axes_of(unit_id))
             self._next(now_ns)
             return
+        if self.link_state.closes_soon:
+            self._see_whether_it_closes(transaction, now_ns)
         self.answers.answered_ns[unit_id] = now_ns
         if self.answers.silences:
             self._hear(unit_id, now_ns)
@@ -427,6 +479,8 @@ class LineExchange(CuttingLine):
         """Take note of the reply to a frame of the gateway's own, and go on with what it was for."""
         frame = transaction.added
         assert frame is not None
+        if self._holds and frame.rendering is None:
+            self._renewal.answered(now_ns)
         if transaction.port is None:
             self.counters.added_reads += 1
             known = Known()
@@ -444,6 +498,8 @@ class LineExchange(CuttingLine):
             self._refuse(transaction, code, now_ns)
         elif self._waiting.has_stops and not transaction.overtaken_by:
             transaction.begin_anew()
+            self._waiting.put_back(transaction)
+        elif self.rest.is_closing or self._holds:  # it is not sent into a connection that closes
             self._waiting.put_back(transaction)
         else:
             self._start(transaction, now_ns)
@@ -491,6 +547,7 @@ class LineExchange(CuttingLine):
 
     def _hear(self, unit_id: int, now_ns: int) -> None:
         """Take note of a frame of a unit id, while something on the line is silent."""
+        self._renewal.hear()
         before = self.answers.hear(unit_id)
         if before is Reach.ANSWERS:
             return
@@ -508,6 +565,7 @@ class LineExchange(CuttingLine):
         may be that of another request: a serial line is left alone until it is silent.
         """
         self.counters.late += 1
+        self._renewal.hear()
         if self._current is not None and self._current.phase is Phase.LEAVING:
             self._spoil(self._current, Turn.MET, now_ns)
         is_awaited = self.answers.disturb(unit_id, now_ns)
@@ -522,43 +580,293 @@ class LineExchange(CuttingLine):
         if is_awaited and self._current is None:
             self._next(now_ns)
 
+    def unframed(self) -> None:
+        """Note bytes of the drives of which no frame was made yet: the connection lives."""
+        self._renewal.hear()
+
     def link_up(self, now_ns: int) -> None:
-        """Note that the drives can be reached."""
+        """Note that the drives can be reached. What that means, :data:`~.link_loss.LINK_LOSS` says."""
         if self.is_up:
             return
+        state = self.link_state
+        self._end_blink(now_ns)
+        loss = LinkLoss.BLINK if state.is_blinking else state.loss
+        row = LINK_LOSS[loss]
         self.is_up = True
-        self._on_event(Event(EventKind.LINE_UP))
+        if state.come_up(now_ns):
+            self._on_event(Event(EventKind.LINE_UP))
         self.rest.resume(now_ns)
-        self.answers.link_up()
-        for axis in self.axes:
+        delay_ns = self._delay_ns
+        if loss is LinkLoss.RENEWAL and not delay_ns:
+            delay_ns = self._response_timeout_ns
+        if delay_ns:
+            self.rest.open(now_ns + delay_ns)
+        self._renewal.begin()
+        if row.reach is Reached.ASKED_AGAIN:
+            self.answers.link_up()
+        for axis in state.lost:
             axis.end_silence(is_answer=True, until_ns=now_ns)
-        for read in reads_at_start(self.axes):
+        for read in reads_at_start(state.lost):
             self._waiting.add_own(read, now_ns)
+        if self._on_demand:
+            self._closes_ns = now_ns + ON_DEMAND_NS
+        elif self._longest_ns:
+            self._closes_ns = now_ns + self._longest_ns
         self._report(self.axes)
         self._next(now_ns)
 
-    def link_down(self, now_ns: int) -> None:
-        """Note that the drives cannot be reached: nothing waits for them any longer."""
+    def link_down(self, now_ns: int, reason: str = "", *, is_orderly: bool = False) -> None:
+        """Note that the drives cannot be reached: nothing waits for them any longer but for a connection.
+
+        ``reason``: why, where that is known. ``is_orderly``: the other end has closed it, and nothing broke.
+        """
         if not self.is_up:
             return
-        self.is_up = False
-        if not self._is_stopping:  # closing it ourselves is no event
-            self._on_event(Event(EventKind.LINE_DOWN))
         current, self._current = self._current, None
-        is_busy = current is not None or self.rest.is_draining or self.answers.owes
-        self.rest.break_off(owes_silence=self._link.is_serial and is_busy)
-        for axis in self.axes:
-            axis.lose_link(now_ns)
+        is_idle = is_orderly and current is None and self._link.connects
+        detail = reason
+        if is_orderly:
+            detail = IDLE if current is None else ASKED
+        self._go_down(LinkLoss.IDLE_CLOSE if is_idle else LinkLoss.LOSS, detail, current, now_ns)
         if current is not None and current.phase is Phase.LEAVING:
             self._spoil(current, Turn.LOST, now_ns)
             self._end_leaving(current, now_ns)
+        elif current is not None and self._may_begin_anew(current):
+            current.learn()
+            current.begin_anew()
+            self._waiting.put_back(current)
         elif current is not None:
             if self.cuts is not None:
                 self.cuts.reply.end(Turn.GONE, now_ns)
             self._end_unanswered(current, now_ns)
-        for transaction in self._waiting.withdraw(lambda _: True):
-            self._refuse_absent(transaction, now_ns)
+        self._keep_waiting(now_ns)
         self._report(self.axes)
+
+    def resume_link(self, up_ns: int, *, closes_soon: bool, has_closed_soon: bool) -> None:
+        """Go on with a link of which more is known than that it is up: in a replay."""
+        state = self.link_state
+        state.closes_soon, state.has_closed_soon = closes_soon, has_closed_soon
+        if up_ns:
+            state.up_ns = up_ns
+            if self._longest_ns and not self._on_demand:
+                self._closes_ns = up_ns + self._longest_ns
+
+    # --- connections: how they end, and what waits for the next one -------------------------------------
+
+    def _go_down(self, loss: LinkLoss, detail: str, current: Transaction | None, now_ns: int) -> None:
+        """Take the link for down, and forget of the axes what :data:`~.link_loss.LINK_LOSS` says."""
+        state = self.link_state
+        self.is_up = False
+        self._closes_ns = 0
+        is_under_way = any(axis.whereabouts in ON_WAY for axis in self.axes)
+        is_busy = current is not None or self.rest.is_draining or self.answers.owes
+        self.rest.break_off(owes_silence=self._link.is_serial and is_busy)
+        heard_ns = [self.answers.answered_ns[axis.plan.unit_id] for axis in self.axes]
+        lost = state.go_down(loss, heard_ns, self.answers.last_answered_ns, now_ns)
+        is_closed = loss is LinkLoss.IDLE_CLOSE or loss is LinkLoss.OWN_CLOSE
+        if self._is_stopping or (self._on_demand and is_closed):
+            state.tell_nothing()  # closing it ourselves is no event
+        elif loss is LinkLoss.OWN_CLOSE or loss is LinkLoss.RENEWAL:
+            state.tell_later(detail, now_ns)
+        else:
+            told = state.tell_down(detail, now_ns, is_under_way=bool(lost) and is_under_way)
+            if told is not None:
+                self._on_event(Event(EventKind.LINE_DOWN, None, told))
+        for axis in lost:
+            axis.lose_link(now_ns)
+
+    def _may_begin_anew(self, transaction: Transaction) -> bool:
+        """Whether nothing but a read of the gateway's own was on the wire for a request that waits on."""
+        frame = transaction.added
+        is_read = transaction.phase is Phase.PREREQUISITE and frame is not None and frame.rendering is None
+        return is_read and self._link.connects and not self._is_stopping
+
+    def _keep_waiting(self, now_ns: int) -> None:
+        """Let what waits wait for the next connection; where there will be none, nothing is to be had."""
+        for transaction in self._waiting.withdraw(lambda each: each.port is None or not self._link.connects):
+            self._refuse_absent(transaction, now_ns)
+        is_lost = bool(self.link_state.lost)
+        for transaction in self._waiting:
+            transaction.hold_up()
+            if is_lost and transaction.known is not None:
+                transaction.begin_anew()
+        self._next(now_ns)
+
+    def _end_blink(self, now_ns: int) -> None:
+        """A connection that did not come back at once is lost: what was known counts no more."""
+        state = self.link_state
+        lost = state.end_blink(now_ns)
+        for axis in lost:
+            axis.lose_link(state.down_ns)
+        if lost:
+            for transaction in self._waiting:
+                if transaction.known is not None:
+                    transaction.begin_anew()
+            self._report(lost)
+
+    @property
+    def _is_held_up(self) -> bool:
+        """Whether requests wait for the link, or for what it was made anew for."""
+        return not self.is_up or self._holds or self.rest.is_opening
+
+    def _link_due_ns(self) -> int:
+        """Return when something of the link is due: how long it is down, or whether it is to be closed."""
+        if not self.is_up:
+            return self.link_state.deadline_ns
+        due_ns = self._closes_ns or HAS_NO_TURN
+        if self._renewal.held is Held.WRITES:
+            due_ns = min(due_ns, self._renewal.held_until_ns)
+        return due_ns
+
+    def _watch_link(self, now_ns: int) -> None:
+        """Do what has fallen due of the link itself."""
+        if not self.is_up:
+            self._end_blink(now_ns)
+            told = self.link_state.tell_lasting(now_ns)
+            if told:
+                self._on_event(Event(EventKind.LINE_DOWN, None, told))
+            return
+        if self._holds:
+            self._renewal.settle(now_ns)
+            self._holds = self._renewal.held is not Held.NOTHING
+            if not self._holds:
+                self._stop_once_more()
+        if self._closes_ns and now_ns >= self._closes_ns:
+            self._close_at_rest(now_ns)
+
+    def _close_at_rest(self, now_ns: int) -> None:
+        """Close the connection, if it is to be closed, once nothing is under way."""
+        idle_ns = max(self.link_state.up_ns, self.answers.last_answered_ns) + ON_DEMAND_NS
+        is_idle = self._current is None and not self._waiting.total and not self.answers.silences
+        is_idle = is_idle and self.rest.until_ns is None and not self._holds
+        if self._on_demand and now_ns < idle_ns:
+            self._closes_ns = idle_ns
+        elif not is_idle or not all(is_at_rest(axis) for axis in self.axes):
+            self._closes_ns = now_ns + LOOKED_AGAIN_NS
+        else:
+            self._go_down(LinkLoss.OWN_CLOSE, "closed by the gateway, and not made anew", None, now_ns)
+            self._report(self.axes)
+            self._link.hang_up(returns=not self._on_demand)
+
+    def _note_early(self, stop: Transaction) -> None:
+        """Take note of a stop that leaves while writes are held, unless it does more than stop."""
+        is_known = any(each.is_same_stop(stop) for each in self._early_stops)
+        if stop.stopping is not Stopping.ONCE and not is_known:
+            self._early_stops.append(stop)
+
+    def _stop_once_more(self) -> None:
+        """Let the stops that left while writes were held leave once more, before any write does."""
+        stops, self._early_stops = self._early_stops, []
+        for stop in stops:
+            again = stop.once_more()
+            again.give_up()  # its controller was answered
+            self._waiting.add_again(again)
+
+    def _see_whether_it_closes(self, transaction: Transaction, now_ns: int) -> None:
+        """Behind an answer let nothing leave that a server would not read which closes its connection.
+
+        Of one that was not seen to do so that is what would leave in this very call; what comes later is
+        read after the end of the connection, if that has come.
+        """
+        state = self.link_state
+        answered_ns = self.answers.answered_ns[transaction.wire_unit_id]
+        if not state.has_closed_soon and state.up_ns <= answered_ns < now_ns - CLOSES_SOON_NS:
+            state.closes_soon = False
+        elif state.has_closed_soon or self._waiting.total or transaction.phase is Phase.PREREQUISITE:
+            self.rest.await_close(now_ns)
+
+    def _wait_for_link(self, now_ns: int) -> int:
+        """Answer what has waited for the link for too long; return when the next one has."""
+        until_ns = HAS_NO_TURN
+        for transaction in tuple(self._waiting):
+            if transaction.port is None or (self.is_up and not transaction.is_held_up):
+                continue
+            due_ns = transaction.waits_until_ns
+            if due_ns > now_ns:
+                until_ns = min(until_ns, due_ns)
+                continue
+            self._waiting.take(transaction)
+            if transaction.is_denied or transaction.overtaken_by:
+                self._start(transaction, now_ns)
+            else:
+                self._refuse_absent(transaction, now_ns)
+        if not self.is_up and self._waiting.total:
+            self._link.want()
+            until_ns = min(until_ns, now_ns + WANTED_AGAIN_NS)
+        return until_ns
+
+    def _has_waited_too_long(self, transaction: Transaction, now_ns: int) -> bool:
+        """Whether a request that was held up would leave too late: what may write, and a stop."""
+        is_late = transaction.is_held_up and now_ns >= transaction.waits_until_ns
+        return is_late and not transaction.only_reads
+
+    def _is_held(self, transaction: Transaction) -> bool:
+        """Whether the connection does not carry a request yet, because an older one may be executed."""
+        held = self._renewal.held
+        if held is Held.NOTHING or transaction.port is None or transaction.is_stop:
+            return False
+        return held is Held.ALL or not transaction.only_reads
+
+    # --- connections on which nothing answers any more --------------------------------------------------
+
+    def _miss(self, transaction: Transaction) -> None:
+        """Take note of what was not answered, where the connection can be made anew."""
+        frame = transaction.added
+        is_read = transaction.only_reads if frame is None else frame.rendering is None
+        self._renewal.miss(transaction.wire_unit_id, transaction.sent_ns, is_read=is_read)
+
+    def _consider_renewal(self, now_ns: int) -> None:
+        """Make the connection anew once it is known that nobody answers on it."""
+        if not self._renewal.is_mute(now_ns):
+            return
+        unit_ids = dict.fromkeys(axis.plan.unit_id for axis in self.axes)
+        reads = {unit_id: trial_read(self._units.axes_of(unit_id)) for unit_id in unit_ids}
+        is_known = True
+        for unit_id in self._renewal.not_asked(unit_ids):
+            silence = self.answers.silences.get(unit_id)
+            if silence is not None and silence.reach is Reach.DEAD:
+                continue
+            is_known, read = False, reads[unit_id]
+            if read is not None and self._renewal.ask(unit_id):
+                self._waiting.add_own(read, now_ns)
+        is_readable = any(read is not None for read in reads.values())
+        if is_known and (is_readable or not self._renewal.may_have_written):
+            self._renew(now_ns)
+
+    def _renew(self, now_ns: int) -> None:
+        """Break the connection off and have another one made."""
+        self._renewal.renew(now_ns)
+        self._holds = self._renewal.held is not Held.NOTHING
+        why = "nothing has come for three time-outs, whoever was asked: another connection is made"
+        self._on_event(Event(EventKind.CONNECTION_RENEWED, None, why))
+        self._go_down(LinkLoss.RENEWAL, "broken off by the gateway, and not made anew", None, now_ns)
+        self._link.renew()
+        self._keep_waiting(now_ns)
+
+    def _ask_held(self, now_ns: int) -> int:
+        """Ask a drive whether it is there, while nothing else may go; return when the next one may be."""
+        until_ns = HAS_NO_TURN
+        if self._renewal.held is not Held.ALL:
+            return until_ns
+        for unit_id in dict.fromkeys(axis.plan.unit_id for axis in self.axes):
+            read = trial_read(self._units.axes_of(unit_id))
+            if read is None:
+                continue
+            silence = self.answers.silences.get(unit_id)
+            dead = silence if silence is not None and silence.reach is Reach.DEAD else None
+            due_ns = self.answers.free_ns(unit_id, now_ns, is_read=True)
+            if dead is not None and self.answers.backs_off:
+                due_ns = max(due_ns, dead.due_ns)
+            if due_ns > now_ns:
+                until_ns = min(until_ns, due_ns)
+                continue
+            if dead is not None:
+                dead.try_again(now_ns)
+            own = Transaction(None, 0, unit_id, read.pdu, now_ns)
+            own.need(read)
+            self._put_on_wire(own, read.pdu, unit_id, now_ns)
+            return until_ns
+        return until_ns
 
     # --- time ------------------------------------------------------------------------------------------
 
@@ -567,13 +875,22 @@ class LineExchange(CuttingLine):
         deadline_ns = self.deadline_ns
         if deadline_ns is None or now_ns < deadline_ns:
             return
+        is_timed_out = self._current is not None
         if self._current is not None:
             self._time_out(self._current, now_ns)
-        if self.answers.owes:  # what comes too late to the end of a silence has to see that there was one
+        # What comes too late to the end of a silence has to see that there was one.
+        if self.is_up and self.answers.owes:
             self._answer_waiting(now_ns)
         # Only here: a caller that comes late has read by then what had come (W6).
+        rests_until_ns = self.rest.until_ns
+        if self.rest.is_closing and rests_until_ns is not None and now_ns >= rests_until_ns:
+            self.link_state.closes_soon = self.link_state.has_closed_soon = False  # it stays open
         self.rest.settle(now_ns)
         self.answers.settle(now_ns)
+        if not self.is_up or self._closes_ns or self._holds:
+            self._watch_link(now_ns)
+        if is_timed_out and self.is_up and self._link.connects:
+            self._consider_renewal(now_ns)
         self._next(now_ns)
 
     def stop(self, now_ns: int) -> None:
@@ -593,8 +910,12 @@ class LineExchange(CuttingLine):
     def _next(self, now_ns: int) -> None:
         """Start what waits, as long as the line is free."""
         self._waits_until_ns = None
+        if self._is_held_up:
+            self._wake_at(self._wait_for_link(now_ns))
+            if not self.is_up:
+                return
         while self._waiting.total and self._current is None:
-            if self.rest.until_ns is not None or self.answers.silences:
+            if self.rest.until_ns is not None or self.answers.silences or self._holds:
                 if self.answers.owes:
                     self._answer_waiting(now_ns)
                 chosen = self._choose(now_ns)
@@ -605,9 +926,16 @@ class LineExchange(CuttingLine):
                 first = self._waiting.first_of_others()
                 chosen, self._waits_until_ns = self._gaps.choose(first, now_ns)
             if chosen is None:
-                return
+                break
             self._waiting.take(chosen)
             self._start(chosen, now_ns)
+        if self._holds and self._current is None and self.rest.until_ns is None:
+            self._wake_at(self._ask_held(now_ns))
+
+    def _wake_at(self, due_ns: int) -> None:
+        """See to it that what waits is looked at then, or sooner."""
+        due_ns = min(due_ns, self._waits_until_ns or HAS_NO_TURN)
+        self._waits_until_ns = None if due_ns == HAS_NO_TURN else due_ns
 
     def _choose(self, now_ns: int) -> Transaction | None:
         """Return what may go now although the line rests or somebody is silent; None: nothing may.
@@ -623,6 +951,9 @@ class LineExchange(CuttingLine):
             is_in_order = port is not None and not transaction.is_stop
             if is_in_order and id(port) in held:
                 continue
+            if self._holds and self._is_held(transaction):
+                held.add(id(port))
+                continue
             from_ns = self._from_ns(transaction, now_ns)
             if from_ns <= now_ns and (port is None or port.is_motion or transaction.is_stop):
                 return transaction
@@ -637,7 +968,7 @@ class LineExchange(CuttingLine):
             chosen, monitor_due_ns = self._gaps.choose(others, now_ns)
             if monitor_due_ns is not None:
                 until_ns = min(until_ns, monitor_due_ns)
-        self._waits_until_ns = None if until_ns == HAS_NO_TURN else until_ns
+        self._wake_at(until_ns)
         return chosen
 
     def _from_ns(self, transaction: Transaction, now_ns: int) -> int:
@@ -648,7 +979,7 @@ class LineExchange(CuttingLine):
             from_ns = self._stop_from_ns(transaction)
             is_late = transaction.waits_for_silence
             from_ns = max(from_ns, self.rest.spoilt_until_ns)
-            if rests_until_ns is not None and (is_late or self.rest.is_turning):
+            if rests_until_ns is not None and (is_late or self.rest.keeps_stops):
                 from_ns = max(from_ns, rests_until_ns, now_ns + 1)
             if is_late:
                 from_ns = max(from_ns, self.answers.free_ns(unit_id, now_ns, is_read=False))
@@ -694,6 +1025,11 @@ class LineExchange(CuttingLine):
         port = transaction.port
         waits = transaction.is_odd and port is not None and port.ends_by_silence
         return not waits or due_ns > transaction.leave_by_ns
+
+    def _is_answered_at_once(self, transaction: Transaction, now_ns: int) -> bool:
+        """The same of one that comes now: with the next link a dead drive may be asked again."""
+        is_asked_again = not self.is_up and LINK_LOSS[self.link_state.loss].reach is Reached.ASKED_AGAIN
+        return not is_asked_again and self._is_answered_for(transaction, now_ns)
 
     def _is_behind(self, port: ControllerPort) -> bool:
         """Whether a controller is owed another answer first."""
@@ -819,6 +1155,8 @@ class LineExchange(CuttingLine):
             self._admission.refuse(transaction, self._admission.denial_of_waiting(transaction), now_ns)
         elif transaction.overtaken_by:
             self._overtaken(transaction, transaction.overtaken_by, now_ns)
+        elif transaction.is_held_up and self._has_waited_too_long(transaction, now_ns):
+            self._refuse_absent(transaction, now_ns)
         elif transaction.port is None and self._is_answered_for(transaction, now_ns):
             self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns)
         elif transaction.port is None:
@@ -895,6 +1233,8 @@ class LineExchange(CuttingLine):
             self.answers.had_turn(id(port))
         if transaction.is_stop and self._is_early(transaction, now_ns):
             transaction.leave_early()
+        if self._holds and transaction.is_stop:
+            self._note_early(transaction)
         transaction.leave(now_ns, unit_id, patience_ns)
         if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
             self._link.send_request(unit_id, pdu)
@@ -1050,6 +1390,8 @@ class LineExchange(CuttingLine):
         unit_id = transaction.wire_unit_id
         if transaction.port is not None:
             self.answers.askers.add((transaction.port.plan.name, unit_id))
+        if self._link.connects:
+            self._miss(transaction)
         silence, has_died = self.answers.miss(unit_id, transaction.sent_ns, now_ns)
         if silence.timeouts == 1:
             self._on_event(Event(EventKind.DRIVE_SILENT, None, self._unanswered_by(unit_id)))

@@ -244,3 +244,9 @@ class LineTiming:
     retry_ms: float = 1000.0
     """Pause before a unit is tried again that left three requests in a row unanswered: twice as long each
     time, up to 10 s; 0: it is asked as if it had answered."""
+    connect_delay_ms: float = 0.0
+    """Pause between a connection to the drives that was made and the first request on it."""
+    max_connection_s: float = 0.0
+    """A connection to the drives is made anew after as long, once nothing is under way; 0: never."""
+    connects_on_demand: bool = False
+    """The connection is made for a request, and closed when none comes."""

@@ -99,10 +99,12 @@ class DriveLink:
     """The link to the drives of one line.
 
     ``is_serial``: replies carry no transaction id: RTU, over a wire or over TCP (W6).
+    ``connects``: it is a connection, which can be made anew; a serial port is not.
     """
 
-    def __init__(self, *, is_serial: bool) -> None:
+    def __init__(self, *, is_serial: bool, connects: bool = False) -> None:
         self.is_serial = is_serial
+        self.connects = connects
         self.stamps = Stamps()
         """When its newest frame left."""
 
@@ -117,6 +119,17 @@ class DriveLink:
     def came_instead(self, unit_id: int) -> str:
         """Say what came in the place of the newest reply that a unit id did not give; "": nothing known."""
         return ""
+
+    # --- connections alone: how they end is up to the exchange, which takes the link for down at once
+
+    def want(self) -> None:
+        """A request waits for the link: connect, if that may be tried again yet."""
+
+    def renew(self) -> None:
+        """Break the connection off, with what was not sent yet, and make another one."""
+
+    def hang_up(self, *, returns: bool) -> None:
+        """Close the connection in order; ``returns``: make another one at once."""
 
     # --- requests that leave while they arrive (``cut_line``); serial links alone
 

@@ -6,6 +6,7 @@ The silence after a time-out belongs to the unit id that did not answer: ``excha
 from enum import Enum
 from typing import Final
 
+from gateway.exchange.link_loss import CLOSES_SOON_NS
 from gateway.exchange.plan import LineTiming
 from gateway.times import NS_PER_MS
 
@@ -16,6 +17,8 @@ LONGEST_DRAIN: Final = 3
 class Resting(Enum):
     """Why a line sends nothing, beside that a transaction is on it."""
 
+    __hash__ = object.__hash__
+
     NOT = "not"
     """It does not rest."""
     TURNAROUND = "turnaround"
@@ -24,8 +27,15 @@ class Resting(Enum):
     """A reply may come that answers nothing any more: the line waits until it is silent."""
     OWED = "owed"
     """The same, and there is no link yet: the silence begins with it."""
+    CLOSING = "closing"
+    """The server may close the connection behind its answer: what is sent then would be lost."""
+    OPENED = "opened"
+    """A connection was made, and the drives get the time to serve it."""
     SPOILT = "spoilt"
     """A frame left that is none (``cut_through``): the drives have to see that it has ended."""
+
+
+KEEPS_STOPS: Final = frozenset({Resting.TURNAROUND, Resting.CLOSING, Resting.OPENED})
 
 
 class Rest:
@@ -38,7 +48,9 @@ class Rest:
         self._drained_at_last_ns = 0
         self._resting = Resting.NOT
         self.until_ns: int | None = None
-        """There exactly in TURNAROUND, SILENCE and SPOILT: the line rests until then."""
+        """There exactly in TURNAROUND, SILENCE, CLOSING, OPENED and SPOILT: the line rests until then."""
+        self._opened_until_ns = 0
+        """Nothing is sent before: the drives would not serve it."""
         self.spoilt_until_ns = 0
         """Not even a stop is sent before: it would be taken for the rest of a spoilt frame."""
 
@@ -48,9 +60,19 @@ class Rest:
         return self._resting is Resting.SILENCE
 
     @property
-    def is_turning(self) -> bool:
-        """Whether the drives get the time to obey a broadcast."""
-        return self._resting is Resting.TURNAROUND
+    def keeps_stops(self) -> bool:
+        """Whether stops wait as well: nobody would hear them."""
+        return self._resting in KEEPS_STOPS
+
+    @property
+    def is_closing(self) -> bool:
+        """Whether the server may close the connection behind its answer."""
+        return self._resting is Resting.CLOSING
+
+    @property
+    def is_opening(self) -> bool:
+        """Whether the drives get the time to serve a connection that was made."""
+        return self._resting is Resting.OPENED
 
     @property
     def owes_silence(self) -> bool:
@@ -69,15 +91,29 @@ class Rest:
         self._resting = Resting.SPOILT
         self.until_ns = self.spoilt_until_ns = until_ns
 
+    def await_close(self, now_ns: int) -> None:
+        """See whether the server closes the connection behind its answer."""
+        if self.until_ns is None:
+            self._resting = Resting.CLOSING
+            self.until_ns = now_ns + CLOSES_SOON_NS
+
+    def open(self, until_ns: int) -> None:
+        """Give the drives time to serve a connection that was made; a silence that lasts longer goes on."""
+        self._opened_until_ns = until_ns
+        if self.until_ns is None or until_ns > self.until_ns:
+            self._resting = Resting.OPENED
+            self.until_ns = until_ns
+
     def drain(self, now_ns: int) -> None:
         """Wait for silence, so that a late reply never answers the next request."""
         self._resting = Resting.SILENCE
-        self.until_ns = max(now_ns + self._drain_ns, self.spoilt_until_ns)
-        self._drained_at_last_ns = max(now_ns + LONGEST_DRAIN * self._drain_ns, self.spoilt_until_ns)
+        least_ns = max(self.spoilt_until_ns, self._opened_until_ns)
+        self.until_ns = max(now_ns + self._drain_ns, least_ns)
+        self._drained_at_last_ns = max(now_ns + LONGEST_DRAIN * self._drain_ns, least_ns)
 
     def disturb(self, now_ns: int) -> None:
         """Bytes came in the middle of the silence: it begins anew, but not for ever."""
-        until_ns = max(now_ns + self._drain_ns, self.spoilt_until_ns)
+        until_ns = max(now_ns + self._drain_ns, self.spoilt_until_ns, self._opened_until_ns)
         self.until_ns = min(until_ns, self._drained_at_last_ns)
 
     def settle(self, now_ns: int) -> None:
@@ -85,7 +121,7 @@ class Rest:
         if self.until_ns is not None and now_ns >= self.until_ns:
             self._resting = Resting.NOT
             self.until_ns = None
-            self.spoilt_until_ns = 0
+            self.spoilt_until_ns = self._opened_until_ns = 0
 
     def owe(self) -> None:
         """A reply may come that nobody here has asked for: the line rests first when its link comes up."""
@@ -95,7 +131,7 @@ class Rest:
         """The link went down; a reply may be on its way still."""
         self._resting = Resting.OWED if owes_silence else Resting.NOT
         self.until_ns = None
-        self.spoilt_until_ns = 0
+        self.spoilt_until_ns = self._opened_until_ns = 0
 
     def resume(self, now_ns: int) -> None:
         """The link is up again."""

@@ -198,6 +198,8 @@ class Transaction:
     """There was no room for it: it is refused when the answers before it have been given."""
     is_odd = False
     """It has another length than its function code says, and is for a device that may take it."""
+    is_held_up = False
+    """It waited for the link to the drives: of that its controller knows nothing (``leave_by_ns``)."""
     overtaken_by = ""
     """Why it must not be sent any more, although its controller waits for it."""
     stopping = _NO_STOP
@@ -326,6 +328,11 @@ class Transaction:
         """Latest instant at which its controller still waits for it (W5)."""
         return NEVER_NS if self.port is None else self.arrived_ns + self.port.patience_ns
 
+    @property
+    def waits_until_ns(self) -> int:
+        """Until when it waits for the link to the drives; a stop as long as its controller waits for it."""
+        return self.given_up_ns if self.is_stop else self.leave_by_ns
+
     # --- phases ----------------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> None:
@@ -392,6 +399,10 @@ class Transaction:
     def _stop_goes_on(self, stopping: Stopping) -> None:
         assert stopping in STOP_AFTER[self.stopping], f"a stop from {self.stopping.value} to {stopping.value}"
         self.stopping = stopping
+
+    def hold_up(self) -> None:
+        """It waits for the link to the drives."""
+        self.is_held_up = True
 
     def excuse(self, span_ns: int) -> None:
         """No deadline counts so much of its waiting."""

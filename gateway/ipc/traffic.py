@@ -92,8 +92,16 @@ class Up(_Input, frozen=True, tag="up"):
     """The drives can be reached."""
 
 
-class Down(_Input, frozen=True, tag="down"):
+class Down(_Input, frozen=True, tag="down", omit_defaults=True):
     """The drives cannot be reached."""
+
+    reason: str = ""
+    is_orderly: bool = False
+    """The other end closed the connection, and nothing broke."""
+
+
+class Unframed(_Input, frozen=True, tag="unframed"):
+    """Bytes came of the drives, of which no frame was made yet."""
 
 
 class Tick(_Input, frozen=True, tag="tick"):
@@ -175,6 +183,11 @@ class Beginning(_Input, frozen=True, tag="beginning"):
     """Which boot of the machine its times are of, as the records have it."""
     controls: tuple["ControlInput", ...] = ()
     """What somebody outside has changed since the start, as far as it is still in force."""
+    up_ns: int = 0
+    """When the link to the drives came up last."""
+    closes_soon: bool = False
+    """Its server may close it behind an answer, or did so the last time (``exchange.link_state``)."""
+    has_closed_soon: bool = False
 
 
 class Port(_Entry, frozen=True, tag="port", omit_defaults=True):
@@ -219,7 +232,9 @@ class End(_Entry, frozen=True, tag="end"):
 
 ControlInput = Control | Tables | Share | Limits | Temperature
 """What somebody outside asked of a line (``exchange.control``)."""
-Input = Request | Gone | Reply | Stray | RestFirst | Up | Down | Tick | Stop | Beginning | ControlInput
+Input = (
+    Request | Gone | Reply | Stray | RestFirst | Up | Down | Unframed | Tick | Stop | Beginning | ControlInput
+)
 Output = Sent | Abandoned | Answered
 Entry = Header | Input | Output | Port | End
 

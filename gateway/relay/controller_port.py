@@ -18,7 +18,7 @@ from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.rtu import Frame, RtuRequestDecoder, encode_rtu
 from gateway.relay.pacing import PacedSender
 from gateway.relay.pulse import FRESH_NS, Beats
-from gateway.transport.channel import CLOSED, Channel
+from gateway.transport.channel import IN_ORDER, Channel
 from gateway.transport.endpoints import host_of
 from gateway.transport.timer import Timer
 
@@ -145,7 +145,7 @@ class MbapControllerPort(ControllerPort):
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
         self._channel = None
-        self._exchange.controller_gone(self, now_ns, is_broken=reason != CLOSED)
+        self._exchange.controller_gone(self, now_ns, is_broken=reason not in IN_ORDER)
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
@@ -247,7 +247,7 @@ class RtuControllerPort(ControllerPort):
         if self._cut_timer is not None:
             self._cut_timer.close()
         self._timer = self._cut_timer = self._sender = self._channel = self._cutter = None
-        self._exchange.controller_gone(self, now_ns, is_broken=reason != CLOSED)
+        self._exchange.controller_gone(self, now_ns, is_broken=reason not in IN_ORDER)
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""

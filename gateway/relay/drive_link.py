@@ -17,7 +17,8 @@ from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from gateway.modbus.rtu_replies import RETURNED_OFTEN
 from gateway.relay.pacing import PacedSender
 from gateway.relay.timed import TimedExchange
-from gateway.transport.channel import Channel
+from gateway.transport.channel import CLOSED_BY_PEER, Channel
+from gateway.transport.tcp import TcpConnector
 from gateway.transport.timer import Timer
 
 BROADCAST_UNIT_ID: Final = 0
@@ -73,6 +74,11 @@ class Link(DriveLink):
 
     def __init__(self, *, is_serial: bool) -> None:
         super().__init__(is_serial=is_serial)
+        self.connector: TcpConnector | None = None
+        """What makes and ends its connections; None: it is a serial port, or in the hands of a test."""
+        self.opened_channel: Channel | None = None
+        self.was_asked = False
+        """Whether anything was sent on the connection that there is, or was last."""
         self.damage: dict[int, Instead] = {}
         """Requests without a reply to which bytes came of which no frame could be made, by unit id. TCP
         damages nothing: there it stays empty."""
@@ -83,6 +89,31 @@ class Link(DriveLink):
     def returns_requests(self) -> bool:
         """Whether what is sent comes back, and nobody said so."""
         return False
+
+    def over(self, connector: TcpConnector) -> None:
+        """Name what makes its connections; before the first one."""
+        self.connector = connector
+        self.connects = True
+
+    @property
+    def bytes_received(self) -> int:
+        """How many bytes have come on the connection that there is, or was last."""
+        return 0 if self.opened_channel is None else self.opened_channel.count_received()
+
+    def want(self) -> None:
+        """See ``DriveLink``."""
+        if self.connector is not None:
+            self.connector.want()
+
+    def renew(self) -> None:
+        """See ``DriveLink``."""
+        if self.connector is not None:
+            self.connector.renew()
+
+    def hang_up(self, *, returns: bool) -> None:
+        """See ``DriveLink``."""
+        if self.connector is not None:
+            self.connector.hang_up(returns=returns)
 
     def attach(self, exchange: TimedExchange) -> None:
         """Name the exchange that gets the replies; before the first byte."""
@@ -165,6 +196,7 @@ class RtuDriveLink(Link):
         """See ``DriveLink``. A broadcast expects no reply."""
         if len(self._own):
             self._forget_own()
+        self.was_asked = True
         self._asked_unit_id = unit_id
         self._damaged_before = self._decoder.counters.damaged
         if unit_id != BROADCAST_UNIT_ID:
@@ -202,6 +234,7 @@ class RtuDriveLink(Link):
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
+        self.opened_channel, self.was_asked = channel, False
         self._decoder.reset()
         self._forget_own()
         self._sender.opened(channel, now_ns)
@@ -237,7 +270,7 @@ class RtuDriveLink(Link):
         self._forget_own()
         self._timer.arm(None)
         self._sender.closed()
-        self._exchange.link_down(now_ns)
+        self._exchange.link_down(now_ns, reason, is_orderly=reason == CLOSED_BY_PEER)
 
     def counters(self) -> dict[str, int]:
         """See ``Link``."""
@@ -374,6 +407,7 @@ class MbapDriveLink(Link):
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``."""
         transaction_id = self._new_id()
+        self.was_asked = True
         self._awaited_id = transaction_id
         self._awaited_unit_id = unit_id
         self._sender.send(encode_mbap(transaction_id, unit_id, pdu))
@@ -396,7 +430,8 @@ class MbapDriveLink(Link):
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
-        self._channel = channel
+        self._channel = self.opened_channel = channel
+        self.was_asked = False
         self._decoder = MbapDecoder(longest_length=LARGEST_SENT)
         self._awaited_id = self._other_for = NONE
         self._unanswered.clear()
@@ -423,7 +458,9 @@ class MbapDriveLink(Link):
         self._channel = None
         self._awaited_id = NONE
         self._sender.closed()
-        self._exchange.link_down(now_ns)
+        if len(self._decoder.broken_by):
+            reason = f"closed after a malformed header: {self._decoder.broken_by.hex(' ')}"
+        self._exchange.link_down(now_ns, reason, is_orderly=reason == CLOSED_BY_PEER)
 
     def counters(self) -> dict[str, int]:
         """See ``Link``."""

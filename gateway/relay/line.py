@@ -82,6 +82,7 @@ class Line:
         """What is kept of its last minutes."""
         self._journal = journal
         self._link = _make_link(plan, self._wrong_unit, self._other_id, self._returned)
+        self._drives = self._make_drives()
         sink = self._make_sink(recorder)
         link = self._link if sink is None else RecordedLink(self._link, sink)
         self._exchange = LineExchange(
@@ -104,9 +105,9 @@ class Line:
             else RecordedExchange(self._exchange, plan.name, sink)
         )
         self._link.attach(self._timed)
+        self._timed.count_bytes = lambda: self._link.bytes_received
         self._in_force: dict[tuple[str, str], traffic.ControlInput] = {}
         """What somebody outside has changed since the start, for the tape."""
-        self._drives = _make_drives(plan.drives, self._link, self._drives_failed, self._drives_slow)
         self._records: dict[str, AxisRecord] = {}
         self._loaded_at = {axis.name: _now() for axis in plan.axes if axis.table is not None}
         """When the table of an axis was taken, as ISO 8601 has it."""
@@ -136,8 +137,8 @@ class Line:
 
     @property
     def is_up(self) -> bool:
-        """Whether there is a way to the drives."""
-        return self._exchange.is_up
+        """Whether there is a way to the drives; one that is made on demand is there while nobody needs it."""
+        return self._exchange.is_up or (self._exchange.serves and not self._drives.failure)
 
     @property
     def is_idle(self) -> bool:
@@ -253,7 +254,12 @@ class Line:
             drive["answers_with"] = None if other_ids is None else str(other_ids)
         return {
             **of_exchange,
-            "minute": {"exchanges": minute["exchanges"], "damaged": minute.get("damaged", 0)},
+            "state": "up" if self.is_up else "down",
+            "minute": {
+                "exchanges": minute["exchanges"],
+                "damaged": minute.get("damaged", 0),
+                "malformed": minute.get("malformed", 0),
+            },
             **self._latency.line(),
             "computed": self._computed,
             **self._link.counters(),
@@ -353,7 +359,18 @@ class Line:
             for axis in self._exchange.axes
         )
         in_force = tuple(self._in_force.values())
-        return traffic.Beginning(self.plan.name, now_ns, axes, self._exchange.is_up, boot_id(), in_force)
+        state = self._exchange.link_state
+        return traffic.Beginning(
+            self.plan.name,
+            now_ns,
+            axes,
+            self._exchange.is_up,
+            boot_id(),
+            in_force,
+            state.up_ns,
+            state.closes_soon,
+            state.has_closed_soon,
+        )
 
     def _keep_in_force(self, entry: traffic.ControlInput) -> None:
         """Keep what was changed last, of each kind for each axis."""
@@ -365,11 +382,31 @@ class Line:
         self._in_force.pop(key, None)
         self._in_force[key] = entry
 
+    def _make_drives(self) -> SerialPort | TcpConnector:
+        endpoint, link = self.plan.drives, self._link
+        if isinstance(endpoint, SerialEndpoint):
+            return SerialPort(endpoint, link, self._drives_failed, self._drives_slow)
+        connector = TcpConnector(
+            endpoint,
+            link,
+            self._drives_failed,
+            was_of_use=self._was_of_use,
+            on_demand=self.plan.timing.connects_on_demand,
+        )
+        link.over(connector)
+        return connector
+
+    def _was_of_use(self, made_ns: int) -> bool:
+        """Whether a connection gave an answer, or lived for more than a second and was asked nothing."""
+        has_answered = self._exchange.answers.last_answered_ns >= made_ns
+        return has_answered or (not self._link.was_asked and boot_ns() - made_ns > NS_PER_S)
+
     def _frames(self) -> dict[str, int]:
         """Return the counters of frames: answers and damage, and the damage of each unit id by its name."""
         return {
             "exchanges": self._exchange.counters.exchanges,
             "damaged": self._link.counters().get("damaged", 0),
+            "malformed": self._link.counters().get("malformed", 0),
             **{str(unit_id): damage.total for unit_id, damage in self._link.damage.items()},
         }
 
@@ -441,14 +478,3 @@ def _cut_wire(plan: LinePlan) -> Wire | None:
     if plan.cut_through and isinstance(plan.drives, SerialEndpoint):
         return wire_of(plan.drives)
     return None
-
-
-def _make_drives(
-    endpoint: TcpEndpoint | SerialEndpoint,
-    link: Link,
-    on_failure: Callable[[str], None],
-    on_slow: Callable[[str], None],
-) -> SerialPort | TcpConnector:
-    if isinstance(endpoint, SerialEndpoint):
-        return SerialPort(endpoint, link, on_failure, on_slow)
-    return TcpConnector(endpoint, link, on_failure)

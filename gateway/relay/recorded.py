@@ -123,7 +123,7 @@ class TapeSink(Sink):
 
     def may_begin(self, exchange: LineExchange, now_ns: int) -> None:
         """See ``Sink``. Something holds only where nothing is on the wire, waits, or is due."""
-        if self._begun_in != self._tape.number and exchange.deadline_ns is None:
+        if self._begun_in != self._tape.number and exchange.is_still:
             self._t_ns = now_ns
             self.entry(self._beginning(now_ns))
             self._begun_in = self._tape.number
@@ -137,7 +137,7 @@ class RecordedLink(DriveLink):
     """The way to the drives, listened to."""
 
     def __init__(self, link: DriveLink, sink: Sink) -> None:
-        super().__init__(is_serial=link.is_serial)
+        super().__init__(is_serial=link.is_serial, connects=link.connects)
         self.stamps = link.stamps
         self._link = link
         self._sink = sink
@@ -155,6 +155,18 @@ class RecordedLink(DriveLink):
     def came_instead(self, unit_id: int) -> str:
         """See ``DriveLink``."""
         return self._link.came_instead(unit_id)
+
+    def want(self) -> None:
+        """See ``DriveLink``."""
+        self._link.want()
+
+    def renew(self) -> None:
+        """See ``DriveLink``."""
+        self._link.renew()
+
+    def hang_up(self, *, returns: bool) -> None:
+        """See ``DriveLink``."""
+        self._link.hang_up(returns=returns)
 
     def may_lead(self, now_ns: int) -> bool:
         """See ``DriveLink``."""
@@ -273,10 +285,15 @@ class RecordedExchange(TimedExchange):
         self._sink.entry(traffic.Up(self._line, now_ns))
         super().link_up(now_ns)
 
-    def link_down(self, now_ns: int) -> None:
+    def link_down(self, now_ns: int, reason: str = "", *, is_orderly: bool = False) -> None:
         """See ``TimedExchange``."""
-        self._sink.entry(traffic.Down(self._line, now_ns))
-        super().link_down(now_ns)
+        self._sink.entry(traffic.Down(self._line, now_ns, reason, is_orderly))
+        super().link_down(now_ns, reason, is_orderly=is_orderly)
+
+    def unframed(self, now_ns: int) -> None:
+        """See ``TimedExchange``."""
+        self._sink.entry(traffic.Unframed(self._line, now_ns))
+        super().unframed(now_ns)
 
     async def stop(self, now_ns: int, timeout_s: float) -> None:
         """See ``TimedExchange``."""
@@ -291,10 +308,10 @@ class RecordedExchange(TimedExchange):
     def _beat(self) -> None:
         self._sink.show()
 
-    def _due(self, now_ns: int) -> None:
+    def _tick_exchange(self, now_ns: int) -> None:
         if self.is_due(now_ns):
             self._sink.frame(TICK, now_ns, 0, b"")
-        super()._due(now_ns)
+        super()._tick_exchange(now_ns)
 
     def _port(self, port: ControllerPort) -> _RecordedPort:
         self._last_number += 1

@@ -22,6 +22,7 @@ from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable
 from gateway.relay.recorded import message_of
+from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 KEPT_DIFFERENCES: Final = 10
@@ -90,7 +91,9 @@ class _Line(DriveLink):
     """One line's exchange; it is the link to the drives too, and what goes there is output."""
 
     def __init__(self, plan: LinePlan, on_event: Callable[[str, Event], None], own_unit_id: int) -> None:
-        super().__init__(is_serial=not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu)
+        is_connection = isinstance(plan.drives, TcpEndpoint)
+        is_serial = not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu
+        super().__init__(is_serial=is_serial, connects=is_connection)
         self.plan = plan
         self.own_unit_id = own_unit_id
         self.outputs: deque[traffic.Output] = deque()
@@ -143,6 +146,8 @@ class _Line(DriveLink):
                     exchange.controller_gone(port, entry.t, is_broken=entry.is_broken)
             case traffic.RestFirst() | traffic.Up() | traffic.Down():
                 self._reach(entry)
+            case traffic.Unframed():
+                exchange.unframed()
             case traffic.Tick():
                 exchange.tick(entry.t)
             case traffic.Stop():
@@ -173,12 +178,18 @@ class _Line(DriveLink):
         if known.is_up:
             # The first read, of a homed bit, is as old as it was then: by that it is asked for again.
             seen_ns = [at.reference_seen_ns for at in known.axes if at.reference_seen_ns]
-            self._exchange.link_up(min([known.t, *seen_ns]))
+            began_ns = min([known.t, *seen_ns])
+            self._exchange.link_up(began_ns - int(self.plan.timing.connect_delay_ms * NS_PER_MS))
+            self._exchange.tick(began_ns)
+            self._exchange.resume_link(known.up_ns, closes_soon=False, has_closed_soon=False)
         drives = _Drives(self.axes, places)
         while self.outputs:
             sent = self.outputs.popleft()
             if isinstance(sent, traffic.Sent):
                 self._exchange.reply(sent.unit, drives.answer(sent.unit, bytes.fromhex(sent.pdu)), known.t)
+        self._exchange.resume_link(
+            known.up_ns, closes_soon=known.closes_soon, has_closed_soon=known.has_closed_soon
+        )
 
     def _reach(self, entry: traffic.RestFirst | traffic.Up | traffic.Down) -> None:
         if isinstance(entry, traffic.RestFirst):
@@ -186,7 +197,7 @@ class _Line(DriveLink):
         elif isinstance(entry, traffic.Up):
             self._exchange.link_up(entry.t)
         else:
-            self._exchange.link_down(entry.t)
+            self._exchange.link_down(entry.t, entry.reason, is_orderly=entry.is_orderly)
 
     def _control(self, entry: traffic.ControlInput) -> None:
         try:

@@ -59,7 +59,7 @@ class Whole:
     def alarm(self) -> int:
         """Return the bits of the register ``alarm``: errors, and what is only worth a warning."""
         bits = (
-            any(not line.exchange.is_up for line in self.lines),
+            any(not line.exchange.serves for line in self.lines),
             any(line.silent for line in self.lines),
             any(axis.state in _ERRORS for axis in self.axes),
         )
@@ -190,7 +190,7 @@ GATEWAY: Final[Block[Whole]] = Block(
             "lines up",
             1,
             "number of lines whose drives can be reached",
-            lambda whole: sum(line.exchange.is_up for line in whole.lines),
+            lambda whole: sum(line.exchange.serves for line in whole.lines),
         ),
         Register(5, "axes", 1, "number of axes", lambda whole: len(whole.axes)),
         Register(

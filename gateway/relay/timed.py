@@ -4,6 +4,7 @@ Everything that reaches the exchange comes through here, so its next deadline is
 """
 
 import asyncio
+from collections.abc import Callable
 from typing import Final
 
 from gateway.clock import boot_ns
@@ -31,6 +32,9 @@ class TimedExchange(Requests):
         self._exchange = exchange
         self._timer = Timer(self._tick)
         self._idle: asyncio.Future[None] | None = None
+        self.count_bytes: Callable[[], int] = _none
+        """How many bytes have come of the drives on their connection."""
+        self._counted = 0
         if exchange.cuts is not None:
             exchange.cuts.on_change = self._settle
 
@@ -84,13 +88,18 @@ class TimedExchange(Requests):
 
     def link_up(self, now_ns: int) -> None:
         """Note that the drives can be reached."""
+        self._counted = self.count_bytes()
         self._exchange.link_up(now_ns)
         self._settle()
 
-    def link_down(self, now_ns: int) -> None:
-        """Note that the drives cannot be reached."""
-        self._exchange.link_down(now_ns)
+    def link_down(self, now_ns: int, reason: str = "", *, is_orderly: bool = False) -> None:
+        """Note that the drives cannot be reached; see ``LineExchange``."""
+        self._exchange.link_down(now_ns, reason, is_orderly=is_orderly)
         self._settle()
+
+    def unframed(self, now_ns: int) -> None:
+        """Note bytes of the drives of which no frame was made yet."""
+        self._exchange.unframed()
 
     def control(self, message: Control, now_ns: int) -> dict[str, str]:
         """Do what somebody outside asks for; see ``LineExchange``. Raises ControlError."""
@@ -139,5 +148,17 @@ class TimedExchange(Requests):
         self._due(boot_ns())
 
     def _due(self, now_ns: int) -> None:
-        self._exchange.tick(now_ns)
+        if not self._exchange.is_idle and self.is_due(now_ns):
+            count = self.count_bytes()
+            if count != self._counted:  # since the last time-out: the connection lives
+                self._counted = count
+                self.unframed(now_ns)
+        self._tick_exchange(now_ns)
         self._settle()
+
+    def _tick_exchange(self, now_ns: int) -> None:
+        self._exchange.tick(now_ns)
+
+
+def _none() -> int:
+    return 0

@@ -135,6 +135,13 @@ def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
     if echo := line["drives"].get("echo"):
         yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{line['drives']['address']}: {echo}")
     unit_ids = line.get("unit_ids", _NOT_TOLD)
+    malformed = line.get("minute", {}).get("malformed", 0)
+    if malformed:
+        what = (
+            f"{malformed} answers of the drives at {line['drives']['address']} had a header whose length "
+            "cannot be in the last minute: each ends its connection"
+        )
+        yield Trouble(kinds.DRIVE_MALFORMED, place, where, what, axes)
     yield from _of_drives(name, unit_ids)
     yield from _of_damage(name, line)
     for controller in line.get("controllers", ()):

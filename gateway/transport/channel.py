@@ -5,7 +5,11 @@ from typing import Final, Protocol
 from gateway.compiled import mypyc_attr
 
 CLOSED: Final = "connection closed"
-"""Why a connection ended whose peer has closed it as it should, or that was closed here when all was said."""
+"""Why a channel ended that was closed here, when all was said."""
+CLOSED_BY_PEER: Final = "closed by its peer"
+"""Why a channel ended that its other end closed in order: nothing broke."""
+IN_ORDER: Final = frozenset({CLOSED, CLOSED_BY_PEER})
+"""Why a channel ended that did not break off."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -23,6 +27,10 @@ class Channel:
     def write(self, data: bytes) -> None:
         """Send at once; never blocks, never raises. A loss is told by ``Receiver.closed``, later."""
         raise NotImplementedError
+
+    def count_received(self) -> int:
+        """Return how many bytes have come, where they are counted: over TCP."""
+        return 0
 
     def has_gone(self, *, asks: bool) -> bool:
         """Whether the other end has closed or broken off the connection, as far as the system knows.

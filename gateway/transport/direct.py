@@ -45,6 +45,10 @@ class Connection(Protocol):
         """See ``Channel``."""
         ...
 
+    def end(self) -> None:
+        """Close: the other end has closed it in order."""
+        ...
+
     def break_off(self, reason: str) -> None:
         """End it at once; its receiver is told why, later."""
         ...
@@ -93,7 +97,7 @@ class DirectSocket(Channel):
         now_ns = boot_ns()
         if not data:
             self._is_over = True
-            self._connection.close()
+            self._connection.end()
             return
         why_broken = ""
         if len(data) == RECEIVE_BYTES:
@@ -127,6 +131,10 @@ class DirectSocket(Channel):
             data = data[sent:]
             self._may_have_left_over = True
         self._connection.leave_over(data)
+
+    def count_received(self) -> int:
+        """See ``Channel``."""
+        return self.bytes_received
 
     def has_gone(self, *, asks: bool) -> bool:
         """See ``Channel``. What ``epoll_wait`` said may be older than a standstill."""

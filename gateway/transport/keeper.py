@@ -11,18 +11,20 @@ FIRST_RETRY_S: Final = 0.01
 """A drive that was restarted, or a socket that the network cut, is often there again at once."""
 BACKOFF_START_S: Final = 0.1
 BACKOFF_MAX_S: Final = 3.0
+WANTED_AGAIN_S: Final = 0.1
+"""Who waits for the channel lets one attempt begin in so long at most."""
 BACKOFF_JITTER: Final = 0.1
 """± share, so that several gateways do not knock in step."""
 
 
 class Backoff:
-    """Pauses between attempts: one short one, then 100 ms doubling to 3 s, until somebody answered."""
+    """Pauses between attempts: one short one, then 100 ms doubling to 3 s, until one was of use."""
 
     def __init__(self) -> None:
         self._attempt = 0
 
     def reset(self) -> None:
-        """Begin anew: the other end has sent something."""
+        """Begin anew: the channel that was lost was of use."""
         self._attempt = 0
 
     def next_s(self) -> float:
@@ -40,22 +42,28 @@ class Keeper:
     """Runs ``attempt`` over and over.
 
     ``attempt`` opens a channel and returns a future that ends when that channel is lost; it raises a
-    ``TransportError`` where it cannot. ``was_heard`` is asked once the channel is lost: a peer that had sent
-    something is looked for anew at once. ``on_failure`` is told of every failed attempt whose reason differs
-    from the one before.
+    ``TransportError`` where it cannot. ``was_of_use`` is asked once the channel is lost: after one that was
+    of use the next attempt is made at once. ``on_failure`` is told of every failed attempt whose reason
+    differs from the one before. With ``on_demand`` an attempt is made only when the channel is wanted
+    (:meth:`want`).
     """
 
     def __init__(
         self,
         attempt: Callable[[], Awaitable["asyncio.Future[None]"]],
-        was_heard: Callable[[], bool],
+        was_of_use: Callable[[], bool],
         on_failure: Callable[[str], None],
+        *,
+        on_demand: bool = False,
     ) -> None:
         self._attempt = attempt
-        self._was_heard = was_heard
+        self._was_of_use = was_of_use
         self._on_failure = on_failure
+        self._on_demand = on_demand
         self._task: asyncio.Task[None] | None = None
         self._backoff = Backoff()
+        self._wanted = asyncio.Event()
+        self._began_s = -WANTED_AGAIN_S
         self.failure = ""
         """Why the last attempt failed; empty while the channel is open."""
         self.opens = 0
@@ -83,20 +91,38 @@ class Keeper:
             self.failure = detail
             self._on_failure(detail)
 
+    def want(self) -> None:
+        """Make the next attempt without the rest of the pause: somebody waits for the channel."""
+        self._wanted.set()
+
     async def _run(self, lost: "asyncio.Future[None] | None") -> None:
         while True:
             if lost is not None:
                 self.failure = ""
                 self.opens += 1
+                self._wanted.clear()
                 await asyncio.shield(lost)  # it belongs to the channel: stopping must not cancel it
-                if self._was_heard():
+                if self._was_of_use():
                     self._backoff.reset()
             lost = None
-            await asyncio.sleep(self._backoff.next_s())
+            await self._pause(self._backoff.next_s())
+            self._began_s = asyncio.get_running_loop().time()
             try:
                 lost = await self._attempt()
             except TransportError as error:
                 self.failed(error.detail)
+
+    async def _pause(self, pause_s: float) -> None:
+        """Wait for the next attempt: as long as that, or until it is wanted and may begin."""
+        loop = asyncio.get_running_loop()
+        due_s = loop.time() + pause_s
+        try:
+            async with asyncio.timeout(None if self._on_demand else pause_s):
+                await self._wanted.wait()
+        except TimeoutError:
+            return
+        self._wanted.clear()
+        await asyncio.sleep(max(min(self._began_s + WANTED_AGAIN_S, due_s) - loop.time(), 0.0))
 
 
 def _report_bug(task: asyncio.Task[None]) -> None:

@@ -17,7 +17,7 @@ from typing import Final, cast
 
 from gateway.clock import boot_ns
 from gateway.times import NS_PER_S
-from gateway.transport.channel import CLOSED, Channel, Receiver
+from gateway.transport.channel import CLOSED, CLOSED_BY_PEER, Channel, Receiver
 from gateway.transport.direct import MORE_BYTES, RECEIVE_BYTES, DirectSocket, FarEnd
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
@@ -56,7 +56,9 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
         self._transport: asyncio.Transport | None = None
         self._direct: DirectSocket | None = None
         self._far_end: FarEnd | None = None
-        self._why_broken_off = ""
+        self._why_ended = ""
+        self.made_ns = 0
+        """When it came about."""
         self._bytes_received = 0
         self.lost: asyncio.Future[None] = self._loop.create_future()
 
@@ -68,6 +70,7 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """See ``asyncio.BaseProtocol``."""
         self._transport = cast("asyncio.Transport", transport)
+        self.made_ns = boot_ns()
         self.peer = _name(transport.get_extra_info("peername"))
         connection: socket.socket = transport.get_extra_info("socket")
         _tune(connection)
@@ -98,6 +101,15 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
         elif self._transport is not None and not self._transport.is_closing():
             self._transport.pause_reading()
 
+    def eof_received(self) -> None:
+        """See ``asyncio.BufferedProtocol``: the transport closes itself then."""
+        self._why_ended = CLOSED_BY_PEER
+
+    def end(self) -> None:
+        """See ``direct.Connection``."""
+        self._why_ended = CLOSED_BY_PEER
+        self.close()
+
     def resume_writing(self) -> None:
         """Go on reading."""
         if self._transport is None or self._transport.is_closing():
@@ -113,7 +125,7 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
         self._transport = None
         if not self.lost.done():
             self.lost.set_result(None)
-        why = self._why_broken_off or (str(exc) if exc else CLOSED)
+        why = self._why_ended or (_why(exc) if exc else CLOSED)
         self._receiver.closed(why, boot_ns())
 
     def write(self, data: bytes) -> None:
@@ -128,6 +140,10 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
     def has_left_over(self) -> bool:
         """See ``direct.Connection``."""
         return self._transport is not None and self._transport.get_write_buffer_size() > 0
+
+    def count_received(self) -> int:
+        """See ``Channel``."""
+        return self.bytes_received
 
     def has_gone(self, *, asks: bool) -> bool:
         """See ``Channel``: it is always asked."""
@@ -147,7 +163,7 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
 
     def break_off(self, reason: str) -> None:
         """See ``direct.Connection``."""
-        self._why_broken_off = reason
+        self._why_ended = reason
         self.abort()
 
     def _stop_reading(self) -> None:
@@ -197,7 +213,7 @@ class _AcceptedChannel(TcpChannel):
 
     def abort(self) -> None:
         """See ``Guest``."""
-        self._why_broken_off = self._why_broken_off or BROKEN_OFF
+        self._why_ended = self._why_ended or BROKEN_OFF
         super().abort()
 
     @property
@@ -424,17 +440,30 @@ class TcpListener:
 
 
 class TcpConnector:
-    """Keeps a connection to ``endpoint`` up, for ever."""
+    """Keeps a connection to ``endpoint`` up, for ever; with ``on_demand`` only once it is wanted.
+
+    ``was_of_use`` is asked of a connection that was lost, with when it came about: after one that was of use
+    the next one is made at once. Unless it is given, one on which anything came was of use.
+    """
 
     notes: tuple[str, ...] = ()
     """As of a serial port; a connection has none."""
     latency: dict[str, object] | None = None
     """As of a serial port; a connection has no settings of this kind."""
 
-    def __init__(self, endpoint: TcpEndpoint, receiver: Receiver, on_failure: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        endpoint: TcpEndpoint,
+        receiver: Receiver,
+        on_failure: Callable[[str], None],
+        *,
+        was_of_use: Callable[[int], bool] | None = None,
+        on_demand: bool = False,
+    ) -> None:
         self._endpoint = endpoint
         self._receiver = receiver
-        self._keeper = Keeper(self._attempt, self._was_heard, on_failure)
+        self._is_of_use = was_of_use
+        self._keeper = Keeper(self._attempt, self._was_of_use, on_failure, on_demand=on_demand)
         self._channel: TcpChannel | None = None
 
     @property
@@ -461,6 +490,24 @@ class TcpConnector:
         """Begin to connect. Returns at once: a drive that is switched off is no error."""
         self._keeper.start()
 
+    def want(self) -> None:
+        """Connect soon, where there is no connection: somebody waits for it."""
+        if not self.is_open:
+            self._keeper.want()
+
+    def renew(self) -> None:
+        """Break the connection off, with what was not sent yet, and make another one at once."""
+        if self._channel is not None:
+            self._channel.abort()
+        self._keeper.want()
+
+    def hang_up(self, *, returns: bool) -> None:
+        """Close the connection in order; ``returns``: make another one at once."""
+        if self._channel is not None:
+            self._channel.close()
+        if returns:
+            self._keeper.want()
+
     async def close(self) -> None:
         """Close and try no more."""
         await self._keeper.stop()
@@ -469,7 +516,9 @@ class TcpConnector:
             await asyncio.wait([self._channel.lost], timeout=1.0)
             self._channel.abort()
 
-    def _was_heard(self) -> bool:
+    def _was_of_use(self) -> bool:
+        if self._is_of_use is not None:
+            return self._channel is not None and self._is_of_use(self._channel.made_ns)
         return self._channel is not None and self._channel.bytes_received > 0
 
     async def _attempt(self) -> "asyncio.Future[None]":
@@ -496,6 +545,12 @@ async def connect(endpoint: TcpEndpoint, receiver: Receiver) -> TcpChannel:
         why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
         raise AbsentError(f"{endpoint} cannot be reached: {why}") from error
     return channel
+
+
+def _why(error: Exception) -> str:
+    """Return what broke a connection, in the words of the system."""
+    number = error.errno if isinstance(error, OSError) else None
+    return os.strerror(number) if number else str(error)
 
 
 def _name(peername: tuple[str, int] | None) -> str:

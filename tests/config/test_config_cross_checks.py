@@ -127,6 +127,25 @@ def test_controllers_of_a_line_have_different_names(tmp_path: Path) -> None:
     assert problem.line == line_of(text, 'name = "cnc"\ntcp')
 
 
+@pytest.mark.parametrize("key", ['connect = "on-demand"', "connect_delay_ms = 5", "max_connection_s = 60"])
+def test_keys_of_connections_are_not_for_serial_ports(tmp_path: Path, key: str) -> None:
+    name = key.partition(" ")[0]
+    problem = only(refused(tmp_path, edited(("[line.xyz]", f"[line.xyz]\n{key}"))), f"line.xyz.{name}")
+    assert problem.found.endswith("with drives on a serial port")
+
+
+@pytest.mark.parametrize("way", ["homing", "set-position"])
+def test_a_reference_that_only_the_gateway_saw_needs_a_connection_that_stays(
+    tmp_path: Path, way: str
+) -> None:
+    second = SECOND_LINE.replace("[line.b]", '[line.b]\nconnect = "on-demand"')
+    axis = SECOND_AXIS.replace('line = "xyz"', 'line = "b"').replace('"absolute"', f'"{way}"')
+    assert len(loaded(tmp_path, GOOD + second + axis.replace(f'"{way}"', '"absolute"')).plan.lines) == 2
+    found = [each for each in refused(tmp_path, GOOD + second + axis) if each.key == "line.b.connect"]
+    assert len(found) == 1
+    assert "which has referenced" in found[0].found
+
+
 def test_a_drain_is_for_rtu_drives(tmp_path: Path) -> None:
     text = GOOD + SECOND_LINE.replace("[line.b]", "[line.b]\ndrain_ms = 50")
     problem = only(refused(tmp_path, text), "line.b.drain_ms")

@@ -217,6 +217,20 @@ def test_the_drive_that_needs_the_longest_silence_sets_the_pace_of_its_line(tmp_
     assert only_line(tmp_path, text).timing == LineTiming(300.0, 250.0, 150.0, 10.5)
 
 
+def test_how_the_drives_are_connected_to_reaches_the_plan(tmp_path: Path) -> None:
+    rtu = '{ rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even" }'
+    keys = 'connect = "on-demand"\nconnect_delay_ms = 1000\nmax_connection_s = 3600'
+    text = edited((rtu, '{ tcp = "10.0.0.7:502" }'), ("[line.xyz]", f"[line.xyz]\n{keys}"))
+    timing = only_line(tmp_path, text).timing
+    assert (timing.connects_on_demand, timing.connect_delay_ms, timing.max_connection_s) == (
+        True,
+        1000.0,
+        3600.0,
+    )
+    plain = only_line(tmp_path, GOOD).timing
+    assert (plain.connects_on_demand, plain.connect_delay_ms, plain.max_connection_s) == (False, 0.0, 0.0)
+
+
 def test_cut_through_is_off_unless_it_is_asked_for(tmp_path: Path) -> None:
     assert only_line(tmp_path, GOOD).cut_through is False
     text = edited(("[line.xyz]", "[line.xyz]\ncut_through = true"))

@@ -9,6 +9,8 @@ from tests.exchange.line_bench import Arrival, Bench
 OWN_LINES: Final = (
     "test_cut_",
     "test_fast_path",
+    "test_link_",
+    "test_renewal",
     "test_relative_moves_for_long",
     "test_streams_with",
     "test_terms_",

@@ -12,7 +12,7 @@ SILENT: Final = bytes.fromhex("83 0B")
 
 def line(*plans: Any, tcp_drive: bool = False, serial: bool = False, **timing: float) -> Bench:
     """Time-outs of 100 ms, silences of 50 ms; the first trial after 200 ms."""
-    times = {"response_timeout_ms": 100.0, "drain_ms": 50.0, "retry_ms": 200.0, **timing}
+    times: dict[str, Any] = {"response_timeout_ms": 100.0, "drain_ms": 50.0, "retry_ms": 200.0, **timing}
     bench = Bench(*plans, timing=LineTiming(**times), serial=serial, tcp_drive=tcp_drive)
     bench.port = controller("plc", serial=serial)
     return bench

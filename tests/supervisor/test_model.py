@@ -374,6 +374,16 @@ def test_a_line_that_is_down_hides_its_drives_and_a_silent_relay_everything_that
     assert found["axes"]["x"]["trouble"]["title"] == "Relay silent"
 
 
+def test_headers_that_cannot_be_are_a_trouble_of_their_line_while_they_come() -> None:
+    snapshot = with_drive(ANSWERS)
+    snapshot["lines"]["xyz"]["minute"] = {"exchanges": 100, "damaged": 0, "malformed": 7}
+    found = model(snapshot)
+    assert kinds(found) == [("error", "drive-malformed", "line xyz")]
+    assert found["troubles"][0]["what"].startswith("7 answers of the drives at ")
+    snapshot["lines"]["xyz"]["minute"] = {"exchanges": 100, "damaged": 0, "malformed": 0}
+    assert kinds(model(snapshot)) == []
+
+
 @pytest.mark.parametrize(
     ("damaged", "exchanges", "is_trouble"), [(3, 297, True), (3, 298, False), (2, 10, False), (30, 900, True)]
 )

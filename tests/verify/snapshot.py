@@ -118,6 +118,13 @@ NOT_COMPARED: Final = {
     "has_put_off": "the same",
     "is_skewed": "the same",
     "skew": "the same",
+    "loss": "how a link ended: to a serial port, which no world closes in order, each is the same",
+    "lost": "the same",
+    "up_ns": "of connections alone, which no world has",
+    "down_ns": "the same",
+    "has_closed_soon": "of connections alone, which no world has",
+    "_is_told": "whether a line that is up again is told",
+    "_detail": "what is told of one that is down",
 }
 """Attributes that are put back and not compared, by name."""
 NEEDS: Final[dict[str, Callable[[Any], bool]]] = {

@@ -187,9 +187,9 @@ class Door(TimedExchange):
         """See ``TimedExchange``."""
         self._exchange.link_up(self.now_ns or now_ns)
 
-    def link_down(self, now_ns: int) -> None:
+    def link_down(self, now_ns: int, reason: str = "", *, is_orderly: bool = False) -> None:
         """See ``TimedExchange``."""
-        self._exchange.link_down(self.now_ns or now_ns)
+        self._exchange.link_down(self.now_ns or now_ns, reason, is_orderly=is_orderly)
 
 
 def _keep(replies: list[tuple[int, bytes]], number: int, _unit_id: int, pdu: bytes) -> None:

@@ -32,6 +32,28 @@ LINE: Final[Texts] = {
             "`retry_ms` at most. `0`: it is always asked, and the others wait for each time-out"
         ),
     ),
+    "connect": Said(
+        meaning=(
+            '`"on-demand"`: the connection to the drives is made for a request, and closed when none has '
+            "been answered for a second and nothing is staged, under way or unproven; with the next one "
+            "homed bits and actual positions are read first. For servers with few connections. Refused "
+            'with axes whose `referenced` is `"homing"` or `"set-position"`: nobody would see that their '
+            "drive was switched off"
+        ),
+    ),
+    "connect_delay_ms": Said(
+        meaning=(
+            "for servers that stay mute when they are asked as soon as they have accepted: so long nothing "
+            "is sent on a connection, stops neither. A request waits for its connection for half of its "
+            "controller's `timeout_ms` at most: keep it below that"
+        ),
+    ),
+    "max_connection_s": Said(
+        meaning=(
+            "for servers that serve no connection for longer: it is closed and made anew once nothing is "
+            "outstanding, staged, under way or unproven. `0`: it stays"
+        ),
+    ),
     "turnaround_ms": Said(
         more="As in Modbus over serial line V1.02, 2.4.1",
     ),

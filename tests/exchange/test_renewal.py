@@ -1,0 +1,312 @@
+"""A connection on which nothing answers any more is made anew; what it carries then (W5, W11)."""
+
+from itertools import pairwise
+
+import pytest
+
+from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.events import EventKind
+from tests.exchange.connection_bench import ConnectionBench, controller
+from tests.exchange.line_bench import ACTUAL, COMMAND, axis_plan, read, write
+from tests.exchange.staged_bench import STAGED
+from tests.exchange.staged_bench import STOP_PDU as STOP
+
+READ = bytes.fromhex("03 0700 0001")
+NAMED = read(ACTUAL)
+"""What is read of an axis to see whether its drive is there."""
+NO_ANSWER_WRITE, ABSENT_WRITE = b"\x90\x0b", b"\x90\x0a"
+
+
+def mute(bench: ConnectionBench, pdu: bytes = READ, times: int = 3, unit_id: int = 1) -> None:
+    """Ask so often and get no answer: 200 ms each."""
+    plc = controller("cnc", timeout_ms=200.0)
+    for _ in range(times):
+        bench.send(pdu, plc, unit_id=unit_id)
+        bench.link.sent.clear()
+        bench.until(200)
+    bench.port.replies.clear()
+
+
+def test_w11_a_connection_is_made_anew_after_three_time_outs_without_a_byte() -> None:
+    bench = ConnectionBench(axis_plan())
+    mute(bench, times=2)
+    assert bench.connection.renewed == 0
+    mute(bench, times=1)
+    assert bench.connection.renewed == 1
+    assert not bench.line.is_up
+    assert len(bench.told(EventKind.CONNECTION_RENEWED)) == 1
+    assert bench.told() == []
+
+
+@pytest.mark.parametrize(
+    "sign", ["exception", "late", "another unit", "half a frame", "wrong unit"], ids=lambda each: each
+)
+def test_any_byte_is_a_sign_of_life(sign: str) -> None:
+    bench = ConnectionBench(axis_plan(), retry_ms=0.0)
+    mute(bench, times=2)
+    if sign == "exception":
+        bench.send(READ)
+        bench.line.reply(1, b"\x83\x02", bench.now_ns)
+    elif sign == "late":
+        bench.line.stray(bench.now_ns, unit_id=1)
+    elif sign == "another unit":
+        bench.send(READ, unit_id=9)
+        bench.line.reply(9, b"\x03\x02\x00\x00", bench.now_ns)
+    elif sign == "half a frame":
+        bench.line.unframed()
+    else:
+        bench.line.stray(bench.now_ns)
+    bench.link.sent.clear()
+    mute(bench, times=2)
+    assert bench.connection.renewed == 0
+    mute(bench, times=1)
+    assert bench.connection.renewed == 1
+
+
+def test_three_time_outs_that_took_less_than_three_response_timeouts_are_too_few() -> None:
+    bench = ConnectionBench(axis_plan(), response_timeout_ms=200.0, retry_ms=0.0)
+    # Each time-out takes 200 ms at least; pipelined the first three end after 600 ms.
+    plc = controller(timeout_ms=5000.0)
+    bench.send(READ, plc)
+    bench.until(5000)
+    assert bench.line.counters.timeouts == 1
+    bench.link.sent.clear()
+    mute(bench, times=2)
+    assert bench.connection.renewed == 1
+
+
+def test_each_other_unit_is_asked_on_the_old_connection_first() -> None:
+    bench = ConnectionBench(axis_plan(), axis_plan(name="y", unit_id=2))
+    mute(bench)
+    assert bench.connection.renewed == 0
+    assert bench.link.sent == [(2, NAMED)]
+    bench.until(200)
+    assert bench.connection.renewed == 1
+
+
+def test_a_unit_that_answers_on_it_keeps_the_connection() -> None:
+    bench = ConnectionBench(axis_plan(), axis_plan(name="y", unit_id=2))
+    mute(bench)
+    bench.serve()
+    assert bench.seen == [NAMED]
+    bench.until(5000)
+    assert bench.connection.renewed == 0
+
+
+def test_a_unit_that_may_not_be_read_and_was_not_asked_keeps_the_connection() -> None:
+    bench = ConnectionBench(axis_plan(), axis_plan(name="y", unit_id=2, added_frames=False))
+    mute(bench, times=6)
+    assert (bench.connection.renewed, bench.link.sent) == (0, [])
+
+
+def test_a_renewal_is_neither_a_lost_link_nor_a_sign_of_life() -> None:
+    bench = ConnectionBench(axis_plan())
+    bench.move(50_000)
+    bench.actual()
+    place = bench.line.axes[0].whereabouts
+    mute(bench)
+    silence = bench.line.answers.silences[1]
+    since_ns, due_ns = silence.since_ns, silence.due_ns
+    bench.returns(20)
+    assert bench.line.axes[0].whereabouts is place is not Whereabouts.OUT_OF_REACH
+    assert (silence.timeouts, silence.since_ns, silence.due_ns) == (3, since_ns, due_ns)
+    assert bench.line.answers.silences[1] is silence
+    bench.send(READ)
+    assert bench.port.take() == b"\x83\x0b"  # dead still, and not due
+    assert bench.line.axes[0].silent_since_ns is not None
+
+
+def test_the_silence_of_a_drive_goes_on_over_a_renewal_until_its_own_frame() -> None:
+    """600 ms without an answer, 500 ms more: beyond ``lost_ms`` of 1000 ms."""
+    bench = ConnectionBench(axis_plan(), retry_ms=300.0)
+    bench.move(50_000)
+    bench.actual()
+    mute(bench)
+    bench.returns(20)
+    bench.until(500)
+    bench.send(write(COMMAND, 20_000))
+    bench.serve()
+    assert bench.seen[-2] == NAMED
+    assert bench.line.axes[0].silent_since_ns is None
+
+
+@pytest.mark.parametrize(("delay_ms", "rests_ms"), [(0.0, 200.0), (1000.0, 1000.0), (50.0, 50.0)])
+def test_a_renewed_connection_rests_first(delay_ms: float, rests_ms: float) -> None:
+    bench = ConnectionBench(axis_plan(), connect_delay_ms=delay_ms, retry_ms=0.0, settled=not delay_ms)
+    bench.until(2000)
+    mute(bench)
+    bench.returns(20)
+    bench.link.sent.clear()
+    bench.send(READ, controller(timeout_ms=5000.0))
+    bench.until(rests_ms - 0.1)
+    assert bench.link.sent == []
+    bench.until(0.1)
+    assert bench.link.sent == [(1, READ)]
+
+
+def test_a_stop_waits_for_that_rest_as_well() -> None:
+    bench = ConnectionBench(axis_plan(motion=STAGED), connect_delay_ms=1000.0, settled=False)
+    plc = controller(timeout_ms=5000.0)
+    bench.send(STOP, plc)
+    bench.until(999)
+    assert bench.link.sent == []
+    bench.until(1)
+    assert bench.link.sent == [(1, STOP)]
+
+
+def test_renewals_come_after_1_s_and_then_twice_as_late_up_to_60_s() -> None:
+    bench = ConnectionBench(axis_plan(), retry_ms=0.0)
+    at_s: list[float] = []
+    plc = controller(timeout_ms=200.0)
+    renewed = 0
+    for _ in range(2000):
+        if not bench.line.is_up:
+            bench.returns(10)
+        bench.send(READ, plc)
+        bench.link.sent.clear()
+        bench.until(200)
+        if bench.connection.renewed != renewed:
+            renewed = bench.connection.renewed
+            at_s.append(bench.now_ns / 1e9)
+    pauses = [round(after - before) for before, after in pairwise(at_s)]
+    assert pauses[:8] == [1, 2, 4, 8, 16, 32, 60, 60]
+
+
+# --- what may still be executed on the old connection -----------------------------------------------------
+
+
+def test_w5_after_a_write_without_an_answer_only_named_reads_leave_until_one_is_answered() -> None:
+    bench = ConnectionBench(axis_plan(), retry_ms=0.0)
+    bench.move(20_000)
+    bench.actual()
+    mute(bench, write(COMMAND, 50_000))
+    assert bench.connection.renewed == 1
+    bench.returns(20)
+    plc = controller(timeout_ms=5000.0)
+    bench.send(READ, plc)
+    bench.until(200)
+    assert bench.link.sent == [(1, NAMED)]
+    bench.until(200)  # not answered: asked again
+    assert bench.link.sent == [(1, NAMED), (1, NAMED)]
+    bench.link.sent.pop()
+    bench.serve_one()
+    assert bench.link.sent == [(1, READ)]
+    bench.serve()
+    assert plc.take() == b"\x03\x02\x00\x00"
+
+
+def test_w5_no_write_leaves_for_lost_ms_after_that() -> None:
+    bench = ConnectionBench(axis_plan(lost_ms=700.0), retry_ms=0.0)
+    bench.move(20_000)
+    bench.actual()
+    mute(bench, write(COMMAND, 50_000))
+    bench.returns(20)
+    bench.until(200)
+    bench.serve_one()  # the named read
+    answered_ns = bench.now_ns
+    early, late = controller("cnc", timeout_ms=1000.0), controller("cnc", timeout_ms=5000.0)
+    bench.send(write(COMMAND, 30_000), early)
+    bench.until(500.1)
+    assert early.take() == ABSENT_WRITE  # half of its time-out
+    bench.send(write(COMMAND, 31_000), late)
+    bench.until(199)
+    assert [pdu for _, pdu in bench.link.sent if pdu[0] == 16] == []
+    bench.until(5)
+    bench.serve()
+    assert late.take() == write(COMMAND, 0)[:5]
+    assert bench.now_ns - answered_ns >= 700_000_000
+    assert bench.memory.get(COMMAND) in (30_990, 31_010)
+
+
+def test_w5_a_stop_leaves_at_once_though_a_write_may_be_executed_yet() -> None:
+    bench = ConnectionBench(axis_plan(motion=STAGED), retry_ms=0.0)
+    mute(bench, write(COMMAND, 50_000))
+    bench.returns(20)
+    bench.until(201)
+    assert bench.link.sent == [(1, NAMED)]
+    bench.send(STOP)
+    bench.until(200)  # one exchange at a time
+    assert bench.link.sent == [(1, NAMED), (1, STOP)]
+
+
+def test_m3_a_stop_behind_a_named_read_is_sent_however_long_that_takes() -> None:
+    bench = ConnectionBench(axis_plan(motion=STAGED), retry_ms=0.0)
+    mute(bench, write(COMMAND, 50_000))
+    bench.returns(20)
+    bench.until(201)
+    assert bench.link.sent == [(1, NAMED)]
+    bench.send(STOP, controller("cnc", timeout_ms=100.0))
+    bench.until(200)  # twice as long as its controller waits
+    assert bench.link.sent == [(1, NAMED), (1, STOP)]
+
+
+def test_w5_such_a_stop_leaves_once_more_before_the_first_write() -> None:
+    """What it stops may have been executed after it."""
+    bench = ConnectionBench(axis_plan(motion=STAGED, lost_ms=700.0), retry_ms=0.0)
+    mute(bench, write(COMMAND, 50_000))
+    bench.returns(20)
+    bench.until(201)
+    bench.send(STOP)
+    bench.serve_one()  # the named read, and then the stop
+    bench.serve()
+    assert bench.port.take() == STOP
+    assert bench.seen[-1] == STOP
+    late = controller("cnc", timeout_ms=5000.0)
+    bench.send(write(COMMAND, 31_000), late)
+    seen = len(bench.seen)
+    bench.until(700)
+    bench.serve()
+    # Nobody knows on which branch it stands: between 10 counts more and 10 less.
+    assert [pdu for pdu in bench.seen[seen:] if pdu[0] != 3] == [STOP, write(COMMAND, 31_000)]
+    assert bench.port.replies == []
+
+
+def test_w5_where_nothing_may_be_read_a_connection_with_an_open_write_stays() -> None:
+    bench = ConnectionBench(axis_plan(added_frames=False), retry_ms=0.0)
+    mute(bench, write(COMMAND, 50_000), times=5)
+    assert bench.connection.renewed == 0
+
+
+def test_where_nothing_may_be_read_and_nothing_was_written_it_is_made_anew() -> None:
+    bench = ConnectionBench(axis_plan(added_frames=False), retry_ms=0.0)
+    mute(bench)
+    assert bench.connection.renewed == 1
+
+
+def test_w5_writes_stay_held_when_the_new_connection_is_lost_too() -> None:
+    bench = ConnectionBench(axis_plan(), retry_ms=0.0)
+    bench.move(20_000)
+    bench.actual()
+    mute(bench, write(COMMAND, 50_000))
+    bench.returns(20)
+    bench.until(200)
+    bench.breaks()
+    bench.returns(20)
+    plc = controller(timeout_ms=5000.0)
+    bench.link.sent.clear()
+    bench.send(write(COMMAND, 30_000), plc)
+    bench.until(400)
+    assert {pdu for _, pdu in bench.link.sent} == {NAMED}
+
+
+def test_serial_ports_are_never_made_anew() -> None:
+    bench = ConnectionBench(axis_plan())
+    bench.connection.connects = False
+    mute(bench, times=6)
+    assert bench.connection.renewed == 0
+
+
+def test_rtu_over_tcp_is_made_anew_and_falls_silent_first() -> None:
+    bench = ConnectionBench(axis_plan(), rtu=True, serial=False, retry_ms=0.0)
+    plc = controller(timeout_ms=200.0)
+    for _ in range(3):
+        bench.send(READ, plc)
+        bench.until(300)
+    assert bench.connection.renewed == 1
+    bench.returns(10)
+    bench.link.sent.clear()
+    bench.send(READ, controller(timeout_ms=5000.0))
+    bench.until(199)
+    assert bench.link.sent == []
+    bench.until(2)
+    assert bench.link.sent == [(1, READ)]
