@@ -42,6 +42,8 @@ class Purpose(Enum):
     """The actual position too: whether an axis that was not seen for a while still stands at its target."""
     COMMANDED = "commanded"
     COMMAND = "command"
+    KEPT = "kept"
+    """The same: whether the drive still holds the target of before a close, which a trigger runs."""
     HOMED = "homed"
     STANDING = "standing"
     RULE = "rule"
@@ -55,7 +57,7 @@ LATER: Final = frozenset({ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE
 """Exceptions which say that the same may be had later."""
 LOOKS: Final = 2
 """So often the place of an axis is read at the start, to tell whether it went to its last target."""
-_WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.RULE})
+_WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.KEPT, Purpose.RULE})
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,6 +323,8 @@ def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
         _learn_standing(read, words, known, asked_ns)
     else:
         assert read.hit is not None
+        if words is not None and read.purpose is Purpose.KEPT:
+            axis.read_back(read.hit.place.number, words)
         known.command_words[axis.plan.name, read.hit.place.number] = _nominal_command(read.hit, words)
 
 

@@ -673,7 +673,7 @@ class LineExchange(CuttingLine):
             if told is not None:
                 self._on_event(Event(EventKind.LINE_DOWN, None, told))
         for axis in lost:
-            axis.lose_link(now_ns)
+            axis.lose_link(now_ns, was_closed=is_closed)
 
     def _may_begin_anew(self, transaction: Transaction) -> bool:
         """Whether nothing but a read of the gateway's own was on the wire for a request that waits on."""
@@ -697,7 +697,7 @@ class LineExchange(CuttingLine):
         state = self.link_state
         lost = state.end_blink(now_ns)
         for axis in lost:
-            axis.lose_link(state.down_ns)
+            axis.lose_link(state.down_ns, was_closed=True)
         if lost:
             for transaction in self._waiting:
                 if transaction.known is not None:

@@ -30,7 +30,7 @@ from gateway.exchange.rendering import (
 )
 from gateway.exchange.request import Known, Request, key_of
 from gateway.exchange.translate import check_may_act, render_relative, seen
-from gateway.exchange.unit import FieldRole
+from gateway.exchange.unit import FieldHit, FieldPlace, FieldRole
 from gateway.modbus.pdu import ExceptionCode
 from gateway.modbus.registers import FieldAccess
 
@@ -190,6 +190,9 @@ def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
     if rendering is None and (fixed := _fixed_run(meaning)) is not None:
         rendering = known.runs[name] = fixed
     if rendering is None:
+        added = _read_back(request, meaning)
+        if added is not None:
+            return added
         words = staged_words(meaning)
         if words is None:
             return None
@@ -202,6 +205,25 @@ def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
             return None
         known.runs[name] = rendering
     return restage_for_run(axis, rendering)
+
+
+def _read_back(request: Request, meaning: Meaning) -> AddedFrame | None:
+    """Return the read of a target that the drive held before its connection was closed, for its trigger.
+
+    It runs only where its drive holds the very words that it was told (``Axis.read_back``).
+    """
+    axis, number = meaning.axis, meaning.number
+    retained = axis.retained
+    if number is None or retained is None or retained.number != number or not axis.may_read:
+        return None
+    if not retained.was_closed:  # its drive may have been switched off, and hold what it had before
+        return None
+    image, field = axis.fields[number], axis.plan.command[number]
+    is_known = image.nominal_words is not None or image.is_torn
+    hit = FieldHit(FieldPlace(axis, FieldRole.COMMAND, number, field, image), 0, is_whole=True)
+    if is_known or not field.is_readable or key_of(hit) in request.known.command_words:
+        return None
+    return AddedFrame(axis, Purpose.KEPT, field.address, field.words, hit)
 
 
 def restage_for_run(axis: Axis, rendering: Rendering) -> AddedFrame | None:

@@ -258,7 +258,7 @@ def _again(axis: Axis) -> Rendering:
     there; nor of one that nobody has seen since. Without a reference its words mean nothing.
     """
     assert axis.retained is not None
-    number, nominal_words, corrected_words, corrected_counts, move, _, _ = axis.retained
+    number, nominal_words, corrected_words, corrected_counts, move, *_ = axis.retained
     if not axis.is_referenced:
         return Rendering(number, nominal_words, corrected_words, 0.0, None)
     if axis.whereabouts is Whereabouts.RETAINED or not axis.is_seen_at_retained:

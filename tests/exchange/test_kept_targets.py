@@ -10,6 +10,7 @@ from gateway.compensation.units import Units
 from gateway.exchange.axis.state import KEEPING, RETAINING
 from gateway.exchange.plan import LineTiming, Reference
 from gateway.modbus.registers import BitField
+from tests.exchange.connection_bench import Connection
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Memory, axis_plan, read, write
 from tests.exchange.staged_bench import RUN_PDU, STATUS, StagedBench, staged_plan
 
@@ -294,3 +295,80 @@ def test_m6_where_nobody_may_look_the_target_of_before_tells_the_direction_flagg
     bench.trigger()
     assert bench.drive.moves[-1][1] < 40_000  # backward from 60 mm
     assert bench.line.axes[0].is_unsure
+
+
+# --- its trigger alone ---------------------------------------------------------------------------------
+
+
+class ConnectedBench(StagedBench):
+    """The same drive behind a connection, whose server may close it behind an answer."""
+
+    def serve(self) -> None:
+        super().serve()
+        while self.line.rest.is_closing:
+            self.wait(21)
+            super().serve()
+
+
+def after_a_close(*, is_orderly: bool = True) -> StagedBench:
+    """The connection was closed for 3 s while the axis stood at 60 410; nothing was staged since."""
+    bench = ConnectedBench(staged_plan(table=WORN, referenced=Reference.DRIVE_BIT), link=Connection())
+    bench.ask(STATUS_PDU)
+    bench.stage(60_000)
+    bench.trigger()
+    bench.drive.arrive()
+    bench.wait(1500)
+    bench.ask(STATUS_PDU)
+    bench.ask(read(ACTUAL))
+    bench.wait(1500)
+    bench.line.link_down(bench.now_ns, "closed by its peer", is_orderly=is_orderly)
+    bench.wait(3000)
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    return bench
+
+
+def test_m2_after_a_close_a_trigger_runs_the_target_that_its_drive_has_kept() -> None:
+    bench = after_a_close()
+    before = len(bench.seen)
+    bench.trigger()
+    sent = bench.seen[before:]
+    assert sent.count(read(COMMAND)) == 1  # read back before it runs
+    assert sent.count(write(COMMAND, 60_410)) == 0
+    assert bench.drive.moves[-1] == ("absolute", 60_410)
+
+
+@pytest.mark.parametrize("kept", [60_409, 60_000, 0])
+def test_m9_after_a_close_a_trigger_is_refused_where_its_drive_holds_anything_else(kept: int) -> None:
+    bench = after_a_close()
+    bench.drive.put(COMMAND, kept)
+    moves = list(bench.drive.moves)
+    assert bench.ask(RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.drive.moves == moves
+
+
+def test_m9_a_trigger_alone_is_refused_after_any_other_loss_of_the_link() -> None:
+    bench = after_a_close(is_orderly=False)
+    moves = list(bench.drive.moves)
+    assert bench.ask(RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.drive.moves == moves
+
+
+def test_m3_reading_it_back_makes_up_for_no_word_that_was_lost() -> None:
+    bench = staged()
+    bench.send(write(COMMAND, 70_000))
+    bench.link.sent.clear()
+    bench.wait(1001)
+    bench.wait(2)
+    bench.port.replies.clear()
+    lose(bench, "link")
+    moves = list(bench.drive.moves)
+    assert bench.ask(RUN_PDU)[0] == 0x86
+    assert bench.drive.moves == moves
+
+
+def test_m2_after_a_close_it_is_corrected_anew_where_the_axis_stands_elsewhere() -> None:
+    bench = after_a_close()
+    bench.drive.put(ACTUAL, 90_000)
+    bench.trigger()
+    assert bench.drive.moves[-1] == ("absolute", 59_740)  # backward from 90 mm

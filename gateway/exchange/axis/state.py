@@ -375,6 +375,8 @@ class Retained(NamedTuple):
     """The axis had been seen at it, or its drive had said so, before the loss."""
     newest_ns: int
     """When the last actual position before the loss was asked for: only a later one proves anything."""
+    was_closed: bool = False
+    """The link was closed in order, and nothing else was lost: its drive may hold these words still."""
 
 
 class Fixed(NamedTuple):

@@ -334,13 +334,16 @@ class Axis(AxisState):
         for image in (*self.fields, *self.limit_fields):
             image.forget()
 
-    def _lose_reach(self) -> None:
-        """The drive cannot be seen: what it holds and where its axis is has to be found out anew."""
+    def _lose_reach(self, *, was_closed: bool = False) -> None:
+        """The drive cannot be seen: what it holds and where its axis is has to be found out anew.
+
+        ``was_closed``: a connection was closed in order, by its server when it was idle or by us.
+        """
         if self.beam is not None:
             self._group_happens(BeamEvent.ENDED)
         retained = self.retained_target
         self._happens(Happening.DISPLACED if retained is None else Happening.OUT_OF_REACH)
-        self.retained = retained
+        self.retained = None if retained is None else retained._replace(was_closed=was_closed)
         self.is_moving = False
         self._forget_words()
 
@@ -761,18 +764,18 @@ class Axis(AxisState):
         if self.silent_until_ns - since_ns <= self.plan.lost_ms * NS_PER_MS:
             return
         unproven, pending = self.unproven, self.pending
-        self._lose_reach()
+        self._lose_reach(was_closed=self.retained is not None and self.retained.was_closed)
         if unproven is not None:  # it may have arrived before the drive fell silent
             self._happens(Happening.UNACKNOWLEDGED)
             self.unproven, self.pending = unproven, pending
         self._send_off(self.silent_until_ns)
         self.lose_reference()
 
-    def lose_link(self, now_ns: int) -> None:
-        """Forget what may have changed while nobody looked."""
+    def lose_link(self, now_ns: int, *, was_closed: bool = False) -> None:
+        """Forget what may have changed while nobody looked; ``was_closed``: see :meth:`_lose_reach`."""
         if self.record is not None:
             self.record.pause()
-        self._lose_reach()
+        self._lose_reach(was_closed=was_closed)
         self.actual = None
         self.hear_place(Told.LINK_LOST)
         self.fall_silent(now_ns, now_ns)
@@ -1438,6 +1441,18 @@ class Axis(AxisState):
         ):
             self.acknowledge(unproven, self.heard_ns)
         return image.means(words) or self.nominal_words(field_, words, readback)
+
+    def read_back(self, number: int, words: bytes) -> None:
+        """Note the words of a command field that the gateway has read.
+
+        Where they are those of the target of before a lost link, its drive has kept it: nothing else is told
+        by that, and what was lost on the way there stays lost (M3).
+        """
+        image, retained = self.fields[number], self.retained
+        if retained is None or retained.number != number or retained.corrected_words != words:
+            return
+        if image.nominal_words is None and not image.is_torn:
+            image.settle(retained.nominal_words, words)
 
     # --- its record ------------------------------------------------------------------------------------
 
