@@ -164,6 +164,13 @@ OTHERS: Final = (
         "compare baud rate and parity, then exchange A and B",
     ),
     CounterEntry(
+        "other_ids_in_a_row",
+        "other transaction ids in a row",
+        "of the newest 32 requests that a unit id left unanswered in a row those that met with a reply of "
+        "another transaction id: it answers, and no reply of it counts",
+        "bring its firmware up to date, or put a converter in its place that returns the transaction id",
+    ),
+    CounterEntry(
         "damaged_minute",
         "damaged in the last minute",
         "requests to a unit id within the last minute that met with bytes that are no frame",

@@ -99,6 +99,8 @@ class Silence:
     """Until then a frame of it may come that answers nothing any more; 0: none may."""
     quiet_at_last_ns: int = 0
     """No such frame puts that off for longer."""
+    owed_ns: int = 0
+    """Until then a stop may be answered that was given up early: the same stop goes before, nothing else."""
     unasked: int = 0
     """Requests that were answered in its place in this silence, for they could only have left too late."""
     due_ns: int = 0
@@ -143,10 +145,15 @@ class Silence:
         self.due_ns = max(self.due_ns, self.quiet_ns)
         self.odd_due_ns = max(self.odd_due_ns, self.quiet_ns)
 
+    @property
+    def ends_ns(self) -> int:
+        """Until then nothing but that stop goes to it; 0: it owes nothing."""
+        return max(self.owed_ns, self.quiet_ns)
+
     def link_up(self) -> None:
         """The link came up: it is asked again, and owes nothing."""
         self.reach = REACH_AFTER[self.reach, Sign.LINK_UP]
-        self.quiet_ns = 0
+        self.quiet_ns = self.owed_ns = 0
         self.stops.clear()
         self.turns.clear()
 
@@ -154,6 +161,9 @@ class Silence:
         """It has been quiet until now."""
         if self.quiet_ns <= now_ns:
             self.quiet_ns = 0
+        if self.owed_ns <= now_ns:
+            self.owed_ns = 0
+        if not self.ends_ns:
             self.unasked = 0
 
     def try_again(self, now_ns: int) -> None:
@@ -223,11 +233,20 @@ class Answers:
             self._late_ns[unit_id] = now_ns
         is_awaited = False
         for silence in self.silences.values():
-            if silence.quiet_ns and unit_id in (silence.unit_id, -1):
+            if silence.ends_ns and unit_id in (silence.unit_id, -1):
                 is_awaited = True
                 self._late_ns[silence.unit_id] = now_ns
                 silence.be_late(now_ns, self._drain_ns)
         return is_awaited
+
+    def owe(self, unit_id: int, until_ns: int) -> None:
+        """A stop was given up before its drive had the time to answer: that may come until then (W6)."""
+        if not self._drain_ns:
+            return
+        silence = self.silences.get(unit_id)
+        if silence is None:
+            silence = self.silences[unit_id] = Silence(unit_id)
+        silence.owed_ns = max(silence.owed_ns, until_ns + self._drain_ns)
 
     def link_up(self) -> None:
         """The link has come up: what was silent is asked again. What it owes begins anew (``Rest.owe``)."""
@@ -242,7 +261,7 @@ class Answers:
             self._forget(silence)
 
     def _forget(self, silence: Silence) -> None:
-        if silence.reach is Reach.ANSWERS and not silence.quiet_ns:
+        if silence.reach is Reach.ANSWERS and not silence.ends_ns:
             del self.silences[silence.unit_id]
 
     # --- whom it costs what ----------------------------------------------------------------------------
@@ -257,16 +276,17 @@ class Answers:
                     found = silence if found is None or silence.due_ns > found.due_ns else found
         return found
 
-    def free_ns(self, unit_id: int, now_ns: int, *, is_read: bool) -> int:
+    def free_ns(self, unit_id: int, now_ns: int, *, is_read: bool, is_again: bool = False) -> int:
         """Return until when a request to a unit id waits for late frames, later than now; 0: it need not.
 
         A late frame of another unit answers nothing of this one, but may meet its answer on the wire. Only a
         read takes that chance, with a unit that was never late in the last ten minutes; with one that is
-        dead and was never late there is none.
+        dead and was never late there is none. ``is_again``: it is a stop that was given up early, and goes
+        once more; its own late answer is as good as the next one.
         """
         until_ns = 0
         for silence in self.silences.values():
-            quiet_ns = silence.quiet_ns
+            quiet_ns = silence.quiet_ns if is_again else silence.ends_ns
             if quiet_ns <= until_ns:
                 continue
             if silence.unit_id != unit_id:
@@ -281,7 +301,8 @@ class Answers:
     @property
     def quiet_ns(self) -> int | None:
         """When the first of them has been quiet for long enough; None: nobody owes anything."""
-        return min((each.quiet_ns for each in self.silences.values() if each.quiet_ns), default=None)
+        ends = [ns for each in self.silences.values() for ns in (each.quiet_ns, each.owed_ns) if ns]
+        return min(ends, default=None)
 
     @property
     def owes(self) -> bool:
@@ -296,7 +317,7 @@ class Answers:
     def owes_of(self, unit_id: int) -> bool:
         """Whether a late frame may come from a unit id."""
         silence = self.silences.get(unit_id)
-        return silence is not None and silence.quiet_ns > 0
+        return silence is not None and silence.ends_ns > 0
 
     # --- too late to send ------------------------------------------------------------------------------
 
@@ -308,11 +329,11 @@ class Answers:
         is never too late: it asks the unit, and no controller fails for long without anybody having looked.
         """
         silence = self.silences.get(unit_id)
-        if silence is None or not silence.quiet_ns:
+        if silence is None or not silence.ends_ns:
             return False
         if is_read:
-            return silence.quiet_ns > leave_by_ns and silence.unasked < UNASKED_AT_MOST
-        return max(silence.quiet_ns, now_ns) > leave_by_ns
+            return silence.ends_ns > leave_by_ns and silence.unasked < UNASKED_AT_MOST
+        return max(silence.ends_ns, now_ns) > leave_by_ns
 
     def note_unasked(self, unit_id: int) -> None:
         """A request was answered in the place of a unit id, which nothing is learned of from that."""

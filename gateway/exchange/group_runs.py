@@ -9,7 +9,7 @@ first trigger is refused, and nothing moves.
 from collections.abc import Sequence
 
 from gateway.drives.motion import Action
-from gateway.exchange.added_frames import AddedFrame, homed_read, read_word
+from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_word
 from gateway.exchange.axis.state import Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import EventKind
@@ -19,6 +19,7 @@ from gateway.exchange.prerequisites import read_for_staged, render_run, restage_
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.request import Request, written_part
 from gateway.exchange.translate import check_may_act, may_run_distances
+from gateway.modbus.pdu import ExceptionCode
 
 
 def settle_groups(request: Request) -> bool:
@@ -52,13 +53,27 @@ def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
             added = _reference_of(request, member)
             if added is not None:
                 return added
+    for request, meaning in firsts:
+        for member in (meaning.axis, *meaning.axis.peers):
+            added = _look_at_kept(request, member)
+            if added is not None:
+                return added
     going = [meaning.axis for _, meaning in firsts]
     for request, meaning in firsts:
         for peer in meaning.axis.peers:
-            added = None if peer in going else _prepare_peer(request, peer)
+            added = None if peer in going else _prepare_peer(request, peer, meaning)
             if added is not None:
                 return added
     return None
+
+
+def _look_at_kept(request: Request, axis: Axis) -> AddedFrame | None:
+    """Return the look that tells whether the target of before a loss counts: of a group all do, or none."""
+    actual = axis.asked_actual
+    is_open = axis.retained is not None and axis.seen_at_retained is None
+    if not is_open or actual is None or axis.plan.name in request.known.actual:
+        return None
+    return AddedFrame(axis, Purpose.LOOK, actual.address, actual.words)
 
 
 def _is_first(meaning: Meaning) -> bool:
@@ -115,21 +130,36 @@ def _reference_of(request: Request, axis: Axis) -> AddedFrame | None:
     return homed_read(axis)
 
 
-def _prepare_peer(request: Request, axis: Axis) -> AddedFrame | None:
+def _prepare_peer(request: Request, axis: Axis, first: Meaning) -> AddedFrame | None:
     """Return the next frame by which an axis comes to hold its target as it has to run it.
+
+    It will be run as the first trigger of its group runs its own: a target of the same number, by the same
+    kind of move where that is the trigger's to say.
 
     A target that it was stopped on the way to may be meant to run once more, or not: it holds nobody up.
     """
     number, motion = axis.rules.staged, axis.plan.motion
-    if number is None or not motion.waits_for_trigger:
+    if not motion.waits_for_trigger:
         return None
-    words = axis.fields[number].nominal_words
-    if words is None or axis.fields[number].is_torn:
+    count = len(axis.plan.command)
+    if first.number is not None and 1 < count > first.number:
+        number = first.number
+    words = None if number is None else axis.fields[number].nominal_words
+    if number is None or words is None or axis.fields[number].is_torn:
+        may_pass = axis.passes_unchanged or motion.passes_stored_moves
+        if axis.holds_unrun and not may_pass:
+            raise RefusedRequestError(
+                ExceptionCode.SERVER_DEVICE_FAILURE,
+                axis.plan.name,
+                "the first trigger of its group is refused, for this axis could not follow: its target was "
+                "lost or forgotten, write it again",
+                EventKind.STORED_MOVE,
+            )
         return None
     if not axis.holds_unrun and axis.whereabouts is not Whereabouts.STOPPED:
         return None  # it has run that
     try:
-        return _prepare_staged(request, axis, number, words)
+        return _prepare_staged(request, axis, number, words, first.action)
     except RefusedRequestError as refusal:
         if not axis.holds_unrun:
             return None
@@ -139,11 +169,13 @@ def _prepare_peer(request: Request, axis: Axis) -> AddedFrame | None:
         raise RefusedRequestError(refusal.code, refusal.axis, reason, refusal.kind) from refusal
 
 
-def _prepare_staged(request: Request, axis: Axis, number: int, words: bytes) -> AddedFrame | None:
+def _prepare_staged(
+    request: Request, axis: Axis, number: int, words: bytes, first: Action
+) -> AddedFrame | None:
     known, name = request.known, axis.plan.name
     run = known.peer_runs.get(name)
     if run is None:
-        mode, action = axis.plan.motion.mode(number), axis.last_run
+        mode, action = axis.plan.motion.mode(number), first
         lost_mode = axis.rules.lost_mode(number)
         if lost_mode is not None:
             reason = (

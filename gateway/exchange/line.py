@@ -419,6 +419,7 @@ class LineExchange(CuttingLine):
         if transaction.stopping is Stopping.EARLY and not self._is_answer(transaction, pdu):
             self._renewal.hear()
             self.answers.disturb(unit_id, now_ns)
+            self.answers.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
             self._current = None
             self._send_once_more(transaction, now_ns)
             self._report(self._units.axes_of(unit_id))
@@ -428,6 +429,10 @@ class LineExchange(CuttingLine):
             self._see_whether_it_closes(transaction, now_ns)
         self.answers.answered_ns[unit_id] = now_ns
         if self.answers.silences:
+            if transaction.stopping is Stopping.AGAIN and self.answers.owes_of(unit_id):
+                # Of the same stop, sent twice, one answer has come; nobody knows which.
+                self.answers.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
+            self._renewal.hear_answer(unit_id)
             self._hear(unit_id, now_ns)
         path, cuts = transaction.path, self.cuts
         if path is None:
@@ -454,7 +459,7 @@ class LineExchange(CuttingLine):
             self._gaps.ended(transaction, now_ns)
         if axes:
             self._report(axes)
-        if self._waiting.total:
+        if self._waiting.total or self._holds:
             self._next(now_ns)
 
     def _take_reply(self, transaction: Transaction, pdu: bytes, now_ns: int) -> tuple[Axis, ...]:
@@ -606,6 +611,9 @@ class LineExchange(CuttingLine):
             self.answers.link_up()
         for axis in state.lost:
             axis.end_silence(is_answer=True, until_ns=now_ns)
+        if loss is LinkLoss.RENEWAL:  # whoever is silent was so over it, and may have been switched off
+            for axis in self.axes:
+                axis.end_silence(is_answer=False, until_ns=now_ns)
         for read in reads_at_start(state.lost):
             self._waiting.add_own(read, now_ns)
         if self._on_demand:
@@ -623,10 +631,10 @@ class LineExchange(CuttingLine):
         if not self.is_up:
             return
         current, self._current = self._current, None
-        is_idle = is_orderly and current is None and self._link.connects
+        is_idle = is_orderly and current is None and self._link.connects and self._renewal.owes_nothing
         detail = reason
         if is_orderly:
-            detail = IDLE if current is None else ASKED
+            detail = ASKED if current is not None or not self._renewal.owes_nothing else IDLE
         self._go_down(LinkLoss.IDLE_CLOSE if is_idle else LinkLoss.LOSS, detail, current, now_ns)
         if current is not None and current.phase is Phase.LEAVING:
             self._spoil(current, Turn.LOST, now_ns)
@@ -741,12 +749,16 @@ class LineExchange(CuttingLine):
         is_idle = is_idle and self.rest.until_ns is None and not self._holds
         if self._on_demand and now_ns < idle_ns:
             self._closes_ns = idle_ns
-        elif not is_idle or not all(is_at_rest(axis) for axis in self.axes):
+        elif not is_idle or not self._are_at_rest(now_ns):
             self._closes_ns = now_ns + LOOKED_AGAIN_NS
         else:
             self._go_down(LinkLoss.OWN_CLOSE, "closed by the gateway, and not made anew", None, now_ns)
             self._report(self.axes)
             self._link.hang_up(returns=not self._on_demand)
+
+    def _are_at_rest(self, now_ns: int) -> bool:
+        """Whether nothing is under way, streamed, unproven or staged on any axis."""
+        return all(is_at_rest(axis, self.link_state.up_ns, now_ns) for axis in self.axes)
 
     def _note_early(self, stop: Transaction) -> None:
         """Take note of a stop that leaves while writes are held, unless it does more than stop."""
@@ -978,11 +990,13 @@ class LineExchange(CuttingLine):
             rests_until_ns = self.rest.until_ns
             from_ns = self._stop_from_ns(transaction)
             is_late = transaction.waits_for_silence
-            from_ns = max(from_ns, self.rest.spoilt_until_ns)
+            from_ns = max(from_ns, self.rest.spoilt_until_ns, self.rest.opened_until_ns)
             if rests_until_ns is not None and (is_late or self.rest.keeps_stops):
                 from_ns = max(from_ns, rests_until_ns, now_ns + 1)
             if is_late:
-                from_ns = max(from_ns, self.answers.free_ns(unit_id, now_ns, is_read=False))
+                is_again = transaction.stopping is Stopping.AGAIN
+                free_ns = self.answers.free_ns(unit_id, now_ns, is_read=False, is_again=is_again)
+                from_ns = max(from_ns, free_ns)
             return from_ns
         if transaction.is_denied or transaction.why_given_up(now_ns):
             return now_ns

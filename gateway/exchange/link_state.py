@@ -7,13 +7,15 @@ told, then one a minute with how many there were. What lasts is told in any case
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.exchange.axis.state import HOMING, OnWire, Whereabouts
+from gateway.exchange.axis.state import HOMING, OnWire, Said, Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.link_loss import BLINK_NS, CLOSES_SOON_NS, HEARD_NS, LinkLoss
 from gateway.exchange.plan import DONE_BIT
 from gateway.exchange.throttle import Throttle, times
 from gateway.times import NS_PER_S
 
+STREAM_ENDED_NS: Final = NS_PER_S
+"""A stream without a setpoint for so long is over, or stands still."""
 LASTS_NS: Final = NS_PER_S
 """A line that is down for so long is told of, however often it was told for the same reason."""
 NEVER: Final = 1 << 62
@@ -31,9 +33,17 @@ AT_REST: Final = frozenset(
 """Places from which nothing that came through the gateway is under way."""
 
 
-def is_at_rest(axis: Axis) -> bool:
-    """Whether nothing of an axis is under way, unproven or staged: its drive may be left alone."""
+def is_at_rest(axis: Axis, up_ns: int, now_ns: int) -> bool:
+    """Whether nothing of an axis is under way, streamed, unproven or staged: its drive may be left alone.
+
+    ``up_ns``: when the link came up. Something else than a target may move the axis where it was sent off
+    since, until its drive has said that it stands.
+    """
     has_arrived = axis.whereabouts in AT_REST
+    if axis.whereabouts is Whereabouts.UNKNOWN:
+        has_arrived = axis.sent_off_ns <= up_ns or axis.said is Said.STOOD
+    if axis.compensation.is_stream and now_ns - axis.heard_ns < STREAM_ENDED_NS:
+        return False
     if axis.whereabouts is Whereabouts.SEEN_THERE:
         has_arrived = DONE_BIT not in axis.plan.bits  # it has no other way to say so
     is_standing = has_arrived and not axis.is_moving and axis.reference not in HOMING

@@ -50,8 +50,8 @@ class Renewal:
         """Unit ids of them."""
         self._asked: set[int] = set()
         """Unit ids that were asked to find out, once each."""
-        self.may_have_written = False
-        """Whether any of them was more than a read."""
+        self._open_writes: set[int] = set()
+        """Unit ids that left more than a read unanswered, and have answered nothing that was asked later."""
         self._pause_ns = FIRST_PAUSE_NS
         self._not_before_ns = 0
         self.held = Held.NOTHING
@@ -64,15 +64,29 @@ class Renewal:
             self._mute_since_ns = sent_ns
         self.timeouts += 1
         self._silent.add(unit_id)
-        self.may_have_written |= not is_read
+        if not is_read:
+            self._open_writes.add(unit_id)
 
     def hear(self) -> None:
         """Bytes came, whatever they are: the connection lives."""
         self.timeouts = 0
         self._silent.clear()
         self._asked.clear()
-        self.may_have_written = False
         self._pause_ns = FIRST_PAUSE_NS
+
+    def hear_answer(self, unit_id: int) -> None:
+        """A unit id answers what it was asked: whatever it was sent before is done, or never will be."""
+        self._open_writes.discard(unit_id)
+
+    @property
+    def may_have_written(self) -> bool:
+        """Whether anything is unanswered that was more than a read: it may be executed yet."""
+        return bool(self._open_writes)
+
+    @property
+    def owes_nothing(self) -> bool:
+        """Whether nothing that was sent on the connection may still be answered or executed."""
+        return not self.timeouts and not self._open_writes
 
     def answered(self, now_ns: int) -> None:
         """A named read was answered: see :class:`Held`."""
@@ -116,7 +130,7 @@ class Renewal:
         self.timeouts = 0
         self._silent.clear()
         self._asked.clear()
-        self.may_have_written = False
+        self._open_writes.clear()
 
 
 def longest_lost_ns(lost_ms: Iterable[float]) -> int:

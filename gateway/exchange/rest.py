@@ -49,8 +49,8 @@ class Rest:
         self._resting = Resting.NOT
         self.until_ns: int | None = None
         """There exactly in TURNAROUND, SILENCE, CLOSING, OPENED and SPOILT: the line rests until then."""
-        self._opened_until_ns = 0
-        """Nothing is sent before: the drives would not serve it."""
+        self.opened_until_ns = 0
+        """Nothing is sent before, not even a stop: the drives would not serve it."""
         self.spoilt_until_ns = 0
         """Not even a stop is sent before: it would be taken for the rest of a spoilt frame."""
 
@@ -99,7 +99,7 @@ class Rest:
 
     def open(self, until_ns: int) -> None:
         """Give the drives time to serve a connection that was made; a silence that lasts longer goes on."""
-        self._opened_until_ns = until_ns
+        self.opened_until_ns = until_ns
         if self.until_ns is None or until_ns > self.until_ns:
             self._resting = Resting.OPENED
             self.until_ns = until_ns
@@ -107,13 +107,13 @@ class Rest:
     def drain(self, now_ns: int) -> None:
         """Wait for silence, so that a late reply never answers the next request."""
         self._resting = Resting.SILENCE
-        least_ns = max(self.spoilt_until_ns, self._opened_until_ns)
+        least_ns = max(self.spoilt_until_ns, self.opened_until_ns)
         self.until_ns = max(now_ns + self._drain_ns, least_ns)
         self._drained_at_last_ns = max(now_ns + LONGEST_DRAIN * self._drain_ns, least_ns)
 
     def disturb(self, now_ns: int) -> None:
         """Bytes came in the middle of the silence: it begins anew, but not for ever."""
-        until_ns = max(now_ns + self._drain_ns, self.spoilt_until_ns, self._opened_until_ns)
+        until_ns = max(now_ns + self._drain_ns, self.spoilt_until_ns, self.opened_until_ns)
         self.until_ns = min(until_ns, self._drained_at_last_ns)
 
     def settle(self, now_ns: int) -> None:
@@ -121,7 +121,7 @@ class Rest:
         if self.until_ns is not None and now_ns >= self.until_ns:
             self._resting = Resting.NOT
             self.until_ns = None
-            self.spoilt_until_ns = self._opened_until_ns = 0
+            self.spoilt_until_ns = self.opened_until_ns = 0
 
     def owe(self) -> None:
         """A reply may come that nobody here has asked for: the line rests first when its link comes up."""
@@ -131,7 +131,7 @@ class Rest:
         """The link went down; a reply may be on its way still."""
         self._resting = Resting.OWED if owes_silence else Resting.NOT
         self.until_ns = None
-        self.spoilt_until_ns = self._opened_until_ns = 0
+        self.spoilt_until_ns = self.opened_until_ns = 0
 
     def resume(self, now_ns: int) -> None:
         """The link is up again."""

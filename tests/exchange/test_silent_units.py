@@ -494,6 +494,30 @@ def test_m3_only_an_exact_echo_answers_it_else_it_goes_once_more_after_the_silen
     assert bench.link.sent == []
 
 
+def test_w6_the_late_echo_of_a_stop_that_was_given_up_early_answers_nothing_else() -> None:
+    """A late frame ends the wait for the stop after 20 ms; its own echo may still come, for 150 ms in all."""
+    bench = stoppable()
+    time_out(bench)
+    bench.send(STOP, unit_id=2)
+    bench.link.sent.clear()
+    bench.wait(20)
+    bench.line.reply(2, bytes.fromhex("03 02 0005"), bench.now_ns)
+    bench.wait(50)
+    assert bench.link.sent.pop() == (2, STOP)
+    bench.line.reply(2, STOP, bench.now_ns)
+    assert bench.port.take() == STOP
+    other = bytes.fromhex("06 0901 0000")
+    bench.send(other, unit_id=2)
+    assert bench.link.sent == []  # one of two echoes has come: the other may answer this
+    bench.line.stray(bench.now_ns, unit_id=2)
+    bench.port.replies.clear()
+    bench.wait(149)
+    bench.send(OTHER, unit_id=2)
+    assert bench.link.sent == []
+    bench.wait(1)
+    assert bench.link.sent.pop() == (2, OTHER)
+
+
 def test_m3_the_acknowledgement_of_several_registers_may_be_that_of_a_write_before() -> None:
     bench = stoppable()
     time_out(bench)

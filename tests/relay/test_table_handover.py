@@ -156,6 +156,7 @@ async def test_a_command_gives_a_group_its_gain_and_the_configuration_each_axis_
     y2 = without_actual(tools, name="y2", unit_id=2)
     mill = await machine(bench, tools, tmp_path, y1, y2, groups=(("y1", "y2"),))
     await mill.move(50_000, 2)
+    await mill.move(50_000, 1)  # both have gone: nothing is put off (M11)
 
     def axes() -> Any:
         return mill.relay.status()["axes"]

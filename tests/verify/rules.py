@@ -887,6 +887,8 @@ def _note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
         return
     number = facts.number_of(world, wire.unit_id)
     request = _find(world, wire.owner, wire.transaction_id)
+    if is_stop(wire.pdu) and not wire.is_early and world.state.axes[number].hush_ticks:
+        owe_echo(world, wire)
     if not _is_native(wire.pdu, reply):
         if _limit_hit(wire.request):  # an exception does not prove that nothing was written (M7)
             _note_limit(world, number, None)
@@ -1034,8 +1036,9 @@ def begin_to_hush(world: "World", number: int, ticks: int) -> None:
 
 def go_on_hushing(world: "World", number: int) -> None:
     """A frame of a drive came late: its silence begins anew."""
-    if world.state.axes[number].hush_ticks:
-        begin_to_hush(world, number, 1)
+    ticks = world.state.axes[number].hush_ticks
+    if ticks:
+        begin_to_hush(world, number, max(ticks, 1))
 
 
 def hush(world: "World") -> None:
@@ -1074,10 +1077,18 @@ def _judge_unasked(world: "World", request: "Asked") -> None:
     world.state = world.state._replace(axes=tuple(axes))
 
 
+def owe_echo(world: "World", wire: "Wire") -> None:
+    """Of a stop that left twice two echoes may come: nothing else goes to its drive before (W6)."""
+    number = facts.number_of(world, wire.unit_id)
+    ticks = world.design.response_ticks + 1
+    begin_to_hush(world, number, max(ticks, world.state.axes[number].hush_ticks))
+
+
 def owe_early_stop(world: "World", wire: "Wire") -> None:
     """A stop that left early and was not answered leaves once more, for whoever waits for it still (M3)."""
     if not wire.is_early:
         return
+    owe_echo(world, wire)
     request = None if wire.owner < 0 else _find(world, wire.owner, wire.transaction_id)
     if request is None:
         world.state = world.state._replace(owed_stops=min(world.state.owed_stops + 1, 2))

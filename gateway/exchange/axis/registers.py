@@ -189,6 +189,8 @@ class FieldImage:
         """Nobody knows any more what the drive holds."""
         self.nominal_words = None
         self.doubt()
+        if self.completeness is Completeness.PART_REFUSED:
+            self.completeness = Completeness.TORN  # the next part has nothing to be completed from
 
     def doubt(self) -> None:
         """The drive may hold another target than it was told; what the controller believes stays."""

@@ -777,6 +777,8 @@ class AxisState:
         retained = self.retained_as(number, nominal_words)
         if retained is None:
             return Keeping.NEW
+        if not self.plan.actual and self.whereabouts is Whereabouts.OUT_OF_REACH:
+            return Keeping.SAME_WORDS  # no reading can ever tell, and its positions still mean something
         return KEEPING[self.is_seen_at_retained, self.plan.motion.waits_for_trigger, retained.was_there]
 
     @property
@@ -786,9 +788,9 @@ class AxisState:
 
     @property
     def seen_at_retained(self) -> bool | None:
-        """Whether it stands where its retained target had sent it; None: nobody has looked since the loss."""
+        """Whether it stands where its retained target had sent it; None: nobody has seen it stand since."""
         retained, actual = self.retained, self.actual
-        if retained is None or actual is None or actual.seen_ns <= retained.newest_ns:
+        if retained is None or actual is None or actual.seen_ns <= retained.newest_ns or self.is_moving:
             return None
         window = self.plan.settings.in_position_counts
         return abs(actual.counts - retained.corrected_counts) <= window

@@ -293,7 +293,7 @@ class Axis(AxisState):
 
     # --- where it is -----------------------------------------------------------------------------------
 
-    def _happens(self, happening: Happening) -> None:
+    def happens(self, happening: Happening) -> None:
         """Go on to the place that the table says, and let go of what belongs to other places."""
         place = WHEREABOUTS_AFTER.get((self.whereabouts, happening))
         if place is None:
@@ -319,7 +319,7 @@ class Axis(AxisState):
         ``moved_ns``: since when it may be on a new way; None: it is on none. ``keeps_branch``: it came there
         by the last target all the same, as after a stop.
         """
-        self._happens(Happening.STOPPED if keeps_branch else Happening.DISPLACED)
+        self.happens(Happening.STOPPED if keeps_branch else Happening.DISPLACED)
         if moved_ns is not None:
             self._send_off(moved_ns)
         self.is_moving = False
@@ -342,7 +342,7 @@ class Axis(AxisState):
         if self.beam is not None:
             self._group_happens(BeamEvent.ENDED)
         retained = self.retained_target
-        self._happens(Happening.DISPLACED if retained is None else Happening.OUT_OF_REACH)
+        self.happens(Happening.DISPLACED if retained is None else Happening.OUT_OF_REACH)
         self.retained = None if retained is None else retained._replace(was_closed=was_closed)
         self.is_moving = False
         self._forget_words()
@@ -390,7 +390,7 @@ class Axis(AxisState):
 
     def _retain_target(self, retained: Retained) -> None:
         """Let the last target mean nothing, and its repeat move nothing."""
-        self._happens(Happening.REFERENCE_CHANGED)
+        self.happens(Happening.REFERENCE_CHANGED)
         self.retained = retained
 
     def see_homed_bit(self, now_ns: int, *, is_set: bool) -> None:
@@ -652,7 +652,7 @@ class Axis(AxisState):
         self._choose_correction()
         self.compensation.end_dry_run()
         if self.plan.actual:
-            self._happens(Happening.THERE)  # else it could not end; so whoever is seen away has been moved
+            self.happens(Happening.THERE)  # else it could not end; so whoever is seen away has been moved
         self._want()
 
     def adopt(self, plan: AxisPlan) -> None:
@@ -766,7 +766,7 @@ class Axis(AxisState):
         unproven, pending = self.unproven, self.pending
         self._lose_reach(was_closed=self.retained is not None and self.retained.was_closed)
         if unproven is not None:  # it may have arrived before the drive fell silent
-            self._happens(Happening.UNACKNOWLEDGED)
+            self.happens(Happening.UNACKNOWLEDGED)
             self.unproven, self.pending = unproven, pending
         self._send_off(self.silent_until_ns)
         self.lose_reference()
@@ -882,7 +882,7 @@ class Axis(AxisState):
         self.last_number = number
         if place is not _UNDER_WAY and not is_same_way:
             is_at_rest = place is _ARRIVED or place is _STOPPED or (was_seen and place in WAS_THERE)
-            self._happens(Happening.ACKNOWLEDGED_AT_REST if is_at_rest else Happening.ACKNOWLEDGED)
+            self.happens(Happening.ACKNOWLEDGED_AT_REST if is_at_rest else Happening.ACKNOWLEDGED)
         if not self.compensation.is_stream or place in AT_REST:
             self._send_off(now_ns)
         self.is_moving = False
@@ -918,7 +918,7 @@ class Axis(AxisState):
         self.displace(now_ns)
         if rendering.move is None:
             return
-        self._happens(Happening.UNACKNOWLEDGED)
+        self.happens(Happening.UNACKNOWLEDGED)
         if before is not None:  # who is seen near both went to either
             distance_counts = abs(rendering.corrected_counts - before.corrected_counts)
             is_beside = 0.0 < distance_counts <= 2.0 * self.plan.settings.hysteresis_counts
@@ -935,10 +935,10 @@ class Axis(AxisState):
     def _run_not(self, start: Accepted) -> None:
         """A distance that was not acknowledged did not run: the axis stands where it would have started."""
         was_at_rest = self.whereabouts is Whereabouts.UNPROVEN_AT_REST
-        self._happens(Happening.RAN_NOT)
+        self.happens(Happening.RAN_NOT)
         self.compensation.accept_again(start)
         if was_at_rest:
-            self._happens(Happening.DONE if self.plan.actual else Happening.DONE_ALONE)
+            self.happens(Happening.DONE if self.plan.actual else Happening.DONE_ALONE)
 
     # --- a request -------------------------------------------------------------------------------------
 
@@ -1021,8 +1021,16 @@ class Axis(AxisState):
         is_whole = not any(self.fields[number].is_torn for number in command.written)
         if command.written and is_whole:
             self._release(command.epoch)
-        if command.runs_alone and not request.is_run_known:
+        if command.runs_alone and not request.is_run_known and not self._runs_retained(request):
             self.displace(now_ns)
+
+    def _runs_retained(self, request: AxisRequest) -> bool:
+        """Whether a request runs the target of before a loss as it was: its axis stays where it is."""
+        retained = self.retained
+        if retained is None:
+            return False
+        words = (retained.nominal_words, retained.corrected_words)
+        return any((run.nominal_words, run.corrected_words) == words for run in request.runs)
 
     def _not_obeyed(self, request: AxisRequest, outcome: Outcome, code: int, now_ns: int) -> None:
         """A request went out and was not acknowledged; what a refusal proves, the register map says (M7)."""
@@ -1057,7 +1065,7 @@ class Axis(AxisState):
                     self.compensation.doubt()
                 if command.sets_position_too:
                     self._move_otherwise(Action.SET_POSITION, now_ns, is_certain=False)
-            elif command.runs_alone and not request.is_run_known:
+            elif command.runs_alone and not request.is_run_known and not self._runs_retained(request):
                 self.displace(now_ns)
         if not (is_broadcast or (self.passes_unchanged and is_refusal)):
             self._block_for(command, code)
@@ -1268,7 +1276,9 @@ class Axis(AxisState):
         if self.compensation.accepted is not None:
             self._see_place(now)
         elif self.seen_at_retained is False:
-            self._happens(Happening.AWAY)
+            for member in (self, *self.peers):  # of a beam all targets of before a loss count, or none (M11)
+                if member.whereabouts in RETAINING:
+                    member.happens(Happening.AWAY)
         if was_unseen and self.whereabouts in ON_WAY:
             self._see_way(now)
         if before is not None and is_at_rest:
@@ -1384,9 +1394,9 @@ class Axis(AxisState):
             return
         has_actual = bool(self.plan.actual)
         if not is_done:
-            self._happens(Happening.FELL)
+            self.happens(Happening.FELL)
         elif self.has_started(asked_ns) and (has_actual or not self.plan.done_is_in_position):
-            self._happens(Happening.DONE if has_actual else Happening.DONE_ALONE)
+            self.happens(Happening.DONE if has_actual else Happening.DONE_ALONE)
 
     def _see_place(self, actual: Actual) -> None:
         """Notice that the axis has come to its target, or that something else moved it away (M4)."""
@@ -1406,7 +1416,7 @@ class Axis(AxisState):
             return  # it may have been done with the target before, and be there yet
         else:
             happening = Happening.AWAY
-        self._happens(happening)
+        self.happens(happening)
 
     def _look_for_jump(self, before: Actual, now: Actual) -> None:
         """Notice that an axis at rest stands where no motion can have brought it (M9).
