@@ -100,7 +100,7 @@ class Silence:
     quiet_at_last_ns: int = 0
     """No such frame puts that off for longer."""
     owed_ns: int = 0
-    """Until then a stop may be answered that was given up early: the same stop goes before, nothing else."""
+    """Until then a stop may be answered that was given up early: stops go before that, nothing else."""
     unasked: int = 0
     """Requests that were answered in its place in this silence, for they could only have left too late."""
     due_ns: int = 0
@@ -147,7 +147,7 @@ class Silence:
 
     @property
     def ends_ns(self) -> int:
-        """Until then nothing but that stop goes to it; 0: it owes nothing."""
+        """Until then nothing but stops goes to it; 0: it owes nothing."""
         return max(self.owed_ns, self.quiet_ns)
 
     def link_up(self) -> None:
@@ -276,17 +276,17 @@ class Answers:
                     found = silence if found is None or silence.due_ns > found.due_ns else found
         return found
 
-    def free_ns(self, unit_id: int, now_ns: int, *, is_read: bool, is_again: bool = False) -> int:
+    def free_ns(self, unit_id: int, now_ns: int, *, is_read: bool, is_stop: bool = False) -> int:
         """Return until when a request to a unit id waits for late frames, later than now; 0: it need not.
 
         A late frame of another unit answers nothing of this one, but may meet its answer on the wire. Only a
         read takes that chance, with a unit that was never late in the last ten minutes; with one that is
-        dead and was never late there is none. ``is_again``: it is a stop that was given up early, and goes
-        once more; its own late answer is as good as the next one.
+        dead and was never late there is none. ``is_stop``: it does not wait for the late answer
+        of a stop that was given up early; that stop goes once more behind it.
         """
         until_ns = 0
         for silence in self.silences.values():
-            quiet_ns = silence.quiet_ns if is_again else silence.ends_ns
+            quiet_ns = silence.quiet_ns if is_stop else silence.ends_ns
             if quiet_ns <= until_ns:
                 continue
             if silence.unit_id != unit_id:

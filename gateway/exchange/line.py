@@ -994,8 +994,7 @@ class LineExchange(CuttingLine):
             if rests_until_ns is not None and (is_late or self.rest.keeps_stops):
                 from_ns = max(from_ns, rests_until_ns, now_ns + 1)
             if is_late:
-                is_again = transaction.stopping is Stopping.AGAIN
-                free_ns = self.answers.free_ns(unit_id, now_ns, is_read=False, is_again=is_again)
+                free_ns = self.answers.free_ns(unit_id, now_ns, is_read=False, is_stop=True)
                 from_ns = max(from_ns, free_ns)
             return from_ns
         if transaction.is_denied or transaction.why_given_up(now_ns):
