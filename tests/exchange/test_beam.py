@@ -615,3 +615,101 @@ def test_an_axis_without_a_group_has_no_status_of_one() -> None:
     bench = Bench(axis_plan())
     assert axis_status(bench.line.axes[0], bench.now_ns)["group"] is None
     assert staged_plan().name == "x"
+
+
+# --- what its peers are prepared for -----------------------------------------------------------------------
+
+
+def run_both(bench: BeamBench, pdu: bytes) -> list[bytes]:
+    """Run both axes by a trigger, and return the answers."""
+    return [bench.to(unit_id, pdu) for unit_id in (1, 2)]
+
+
+def test_an_absolute_target_behind_a_distance_is_no_distance_of_the_other_axis() -> None:
+    """Prepared as 70 000 + 60 000, the other axis would have left its travel: both were refused for ever."""
+    bench = beam(travel=(0.0, 100.0))
+    for unit_id in (1, 2):
+        bench.stage(unit_id, 20_000)
+    assert run_both(bench, RUN_RELATIVE_PDU) == [RUN_RELATIVE_PDU] * 2
+    bench.settle()
+    for unit_id in (1, 2):
+        bench.stage(unit_id, 60_000)
+    assert run_both(bench, RUN_PDU) == [RUN_PDU] * 2
+    assert bench.ends() == [59_990, 59_990]
+
+
+def test_a_distance_behind_an_absolute_target_is_no_place_of_the_other_axis() -> None:
+    bench = beam(travel=(0.0, 100.0))
+    for unit_id in (1, 2):
+        bench.stage(unit_id, -5_000)
+    assert run_both(bench, RUN_RELATIVE_PDU) == [RUN_RELATIVE_PDU] * 2
+    assert bench.ends() == [44_990, 44_990]
+
+
+def test_the_first_is_refused_where_another_axis_has_lost_the_target_that_it_held() -> None:
+    """y2 was silent for longer than lost_ms between staging and running: what it holds nobody knows."""
+    bench = beam()
+    for unit_id in (1, 2):
+        bench.stage(unit_id, 70_000)
+    for _ in range(3):
+        bench.send(bytes.fromhex("03 005C 0001"), unit_id=2)
+        bench.link.sent.clear()
+        bench.wait(1001)
+        bench.wait(1001)
+        bench.port.replies.clear()
+    bench.wait(1000)
+    bench.to(2, bytes.fromhex("03 005C 0001"))
+    assert run_both(bench, RUN_PDU) == [bytes.fromhex("86 04")] * 2
+    assert bench.ends() == [50_010, 50_010]
+    assert "group-skewed" not in bench.kinds()
+
+
+# --- targets of before a loss ------------------------------------------------------------------------------
+
+
+def test_of_a_beam_all_targets_of_before_a_loss_count_or_none() -> None:
+    """y2 stands 40 counts beside where it was told to, y1 does not: both are gone to anew."""
+    bench = bit_beam()
+    for unit_id in (1, 2):
+        bench.lose_homed_bit(unit_id)
+    bench.wait(1_200)
+    for unit_id in (1, 2):
+        bench.to(unit_id, bytes.fromhex("03 005C 0001"))
+    bench.drives[2].put(ACTUAL, 50_050)
+    for unit_id in (1, 2):
+        bench.stage(unit_id, 50_000)
+    assert run_both(bench, RUN_PDU) == [RUN_PDU] * 2
+    assert bench.ends() == [50_000, 50_000]
+
+
+def test_a_beam_that_stands_where_it_was_told_to_keeps_its_words() -> None:
+    bench = bit_beam()
+    for unit_id in (1, 2):
+        bench.lose_homed_bit(unit_id)
+    bench.wait(1_200)
+    for unit_id in (1, 2):
+        bench.to(unit_id, bytes.fromhex("03 005C 0001"))
+    for unit_id in (1, 2):
+        bench.stage(unit_id, 50_000)
+    assert run_both(bench, RUN_PDU) == [RUN_PDU] * 2
+    assert bench.ends() == [50_010, 50_010]
+
+
+def test_movers_of_a_beam_are_looked_at_before_the_first_goes() -> None:
+    bench = BeamBench(
+        *(
+            axis_plan(name=f"y{unit}", unit_id=unit, referenced=Reference.DRIVE_BIT, bits=BITS)
+            for unit in (1, 2)
+        )
+    )
+    for unit_id in (1, 2):
+        bench.to(unit_id, write(COMMAND, 70_000))
+    bench.settle()
+    assert bench.ends() == [70_010, 70_010]
+    bench.drives[1].words[STATUS] = 0  # y1 says that it is not homed any more
+    bench.wait(1_200)
+    bench.to(1, bytes.fromhex("03 005C 0001"))
+    bench.drives[2].put(ACTUAL, 69_600)  # y2 is 0.4 mm short of it
+    for unit_id in (1, 2):
+        assert bench.to(unit_id, write(COMMAND, 70_000)) == write(COMMAND, 70_000)[:5]
+    assert bench.ends() == [70_000, 70_000]

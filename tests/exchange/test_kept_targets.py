@@ -297,6 +297,39 @@ def test_m6_where_nobody_may_look_the_target_of_before_tells_the_direction_flagg
     assert bench.line.axes[0].is_unsure
 
 
+def test_m4_one_that_stands_there_runs_with_the_same_words_as_often_as_it_is_given() -> None:
+    bench = staged()
+    switch_off(bench, at=60_410)
+    for _ in range(3):
+        bench.stage(60_000)
+        bench.trigger()
+        assert bench.drive.moves[-1] == ("absolute", 60_410)
+        bench.drive.set_bits(is_done=True, is_homed=False)
+        bench.ask(STATUS_PDU)
+
+
+def test_m9_a_reading_of_an_axis_that_moves_proves_nothing() -> None:
+    """It is seen within the window of its target on the way past it."""
+    bench = staged(added_frames=False)
+    switch_off(bench, at=60_075)
+    bench.drive.set_bits(is_done=False, is_homed=False)
+    bench.ask(STATUS_PDU)
+    bench.ask(read(ACTUAL))
+    bench.stage(60_000)
+    assert bench.ask(RUN_PDU) == bytes.fromhex("86 06")
+
+
+def test_m4_an_axis_without_an_actual_position_runs_its_target_after_a_lost_link() -> None:
+    bench = staged(actual=(), is_polled=False)
+    bench.ask(STATUS_PDU)
+    told = bench.drive.moves[-1]
+    lose(bench, "link")
+    bench.drive.set_bits(is_done=True)
+    bench.stage(60_000)
+    bench.trigger()
+    assert bench.drive.moves[-1] == told
+
+
 # --- its trigger alone ---------------------------------------------------------------------------------
 
 

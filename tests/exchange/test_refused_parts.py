@@ -250,3 +250,17 @@ def test_m3_a_lost_target_of_one_field_is_not_run_because_another_one_was_writte
     bench.stage(20_000)
     assert bench.ask(bytes.fromhex("06 050E 0001")) == bytes.fromhex("86 04")
     assert bench.ask(bytes.fromhex("06 050E 0000")) == bytes.fromhex("06 050E 0000")
+
+
+def test_m1_a_refused_half_is_forgotten_with_the_words_that_it_stood_beside() -> None:
+    """The link was lost: the next pair goes out with its second half, as any first pair."""
+    bench = mover(**PROVES)
+    refuse(bench, HIGH_3, 4)
+    bench.line.link_down(bench.now_ns)
+    bench.wait(100)
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    assert [bench.ask(LOW_2000), bench.ask(bytes.fromhex("06 0607 0001"))] == [
+        bytes.fromhex("86 04"),
+        bytes.fromhex("06 0607 0001"),
+    ]

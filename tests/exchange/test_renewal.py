@@ -5,7 +5,9 @@ from itertools import pairwise
 import pytest
 
 from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.control import Declare
 from gateway.exchange.events import EventKind
+from gateway.exchange.plan import Reference
 from tests.exchange.connection_bench import ConnectionBench, controller
 from tests.exchange.line_bench import ACTUAL, COMMAND, axis_plan, read, write
 from tests.exchange.staged_bench import STAGED
@@ -310,3 +312,103 @@ def test_rtu_over_tcp_is_made_anew_and_falls_silent_first() -> None:
     assert bench.link.sent == []
     bench.until(2)
     assert bench.link.sent == [(1, READ)]
+
+
+# --- what a renewal must not end ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("asked", [(1, 2, 1), (2, 1, 1), (1, 1, 1, 2)])
+def test_w11_a_power_cut_behind_a_renewal_is_silence_until_the_drives_own_frame(
+    asked: tuple[int, ...],
+) -> None:
+    """Silent for 30 s, of which the old connection saw 0.8 s: a position that was set is lost."""
+    plans = [
+        axis_plan(name=name, unit_id=unit_id, referenced=Reference.SET_POSITION, lost_ms=1000.0)
+        for name, unit_id in (("x", 1), ("y", 2))
+    ]
+    bench = ConnectionBench(*plans)
+    for axis in bench.line.axes:
+        bench.line.control(Declare(axis.plan.name), bench.now_ns)
+    for unit_id in asked:
+        mute(bench, times=1, unit_id=unit_id)
+    bench.link.sent.clear()
+    bench.until(200)
+    assert bench.connection.renewed == 1
+    bench.returns(30_000)
+    bench.until(201)
+    bench.link.sent.clear()
+    plc = controller()
+    for unit_id in (1, 2):
+        for _ in range(2):
+            bench.send(READ, plc, unit_id=unit_id)
+            bench.serve()
+            bench.until(400)
+        bench.send(write(COMMAND, 60_000), plc, unit_id=unit_id)
+        bench.serve()
+        bench.until(30)
+        bench.serve()
+        assert bench.memory.get(COMMAND) == 60_000  # 1:1, not 60 010 on a zero of before
+    assert not any(axis.is_referenced for axis in bench.line.axes)
+
+
+@pytest.mark.parametrize("rtu", [False, True])
+def test_w5_a_stop_that_is_answered_does_not_keep_writes_held(*, rtu: bool) -> None:
+    bench = ConnectionBench(axis_plan(motion=STAGED, lost_ms=700.0), rtu=rtu, retry_ms=0.0)
+    bench.ask(write(COMMAND, 10_000))
+    plc = controller("cnc", timeout_ms=200.0)
+    while not bench.connection.renewed:
+        bench.send(write(COMMAND, 50_000), plc)
+        bench.link.sent.clear()
+        bench.until(300)
+    bench.returns(20)
+    bench.send(STOP, controller("panel", timeout_ms=5000.0))
+    for _ in range(40):
+        bench.serve()
+        bench.until(50)
+    writer = controller("cnc")
+    bench.send(write(COMMAND, 20_000), writer)
+    bench.serve()
+    bench.until(30)
+    bench.serve()
+    assert writer.take() == write(COMMAND, 20_000)[:5]
+
+
+@pytest.mark.parametrize("sign", ["another unit", "late"])
+def test_w5_writes_are_held_while_one_is_open_whatever_else_was_heard(sign: str) -> None:
+    """A: 50 000, unanswered; then something else is heard, and then nothing any more. B does not pass A."""
+    bench = ConnectionBench(axis_plan(motion=STAGED), axis_plan(name="y", unit_id=2), retry_ms=0.0)
+    mute(bench, write(COMMAND, 50_000), times=1)
+    if sign == "another unit":
+        bench.send(READ, unit_id=2)
+        bench.serve()
+        bench.port.replies.clear()
+    else:
+        bench.line.stray(bench.now_ns, unit_id=1)
+    mute(bench, times=2, unit_id=2)
+    mute(bench, times=1)
+    bench.link.sent.clear()
+    bench.until(200)
+    assert bench.connection.renewed == 1
+    bench.returns(20)
+    bench.until(201)
+    bench.link.sent.clear()
+    bench.seen.clear()
+    bench.send(write(COMMAND, 10_000), controller())
+    assert (1, write(COMMAND, 10_010)) not in bench.link.sent
+    assert not [pdu for _, pdu in bench.link.sent if pdu[0] == 16]
+
+
+@pytest.mark.parametrize("drain_ms", [50.0, 300.0])
+def test_a_stop_too_waits_for_the_rest_of_a_new_connection(drain_ms: float) -> None:
+    """RTU over TCP: the connection rests for 200 ms, and what the old one owes for ``drain_ms``."""
+    bench = ConnectionBench(axis_plan(motion=STAGED), rtu=True, retry_ms=0.0, drain_ms=drain_ms)
+    mute(bench)
+    while not bench.connection.renewed:
+        mute(bench, times=1)
+        bench.until(300)
+    bench.returns(20)
+    bench.send(STOP, controller("panel", timeout_ms=5000.0))
+    bench.until(199)
+    assert bench.link.sent == []
+    bench.until(2)
+    assert (1, STOP) in bench.link.sent
