@@ -2,8 +2,8 @@
 
 from typing import Any, Final
 
-from gateway.exchange.plan import ControllerPlan, LineTiming
-from tests.exchange.line_bench import Bench, Port
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
+from tests.exchange.line_bench import Bench, Port, axis_plan
 
 OTHER: Final = bytes.fromhex("03 0700 0001")
 ANSWER: Final = bytes.fromhex("03 02 0005")
@@ -47,3 +47,8 @@ def polled_in_turn(bench: Bench, seconds: float, takes_ms: int = 1) -> list[tupl
         asked.append((is_third, unit_id, None if is_open else took_ms))
         unit_id = 3 - unit_id
     return asked
+
+
+def two_axes(**changes: Any) -> tuple[AxisPlan, AxisPlan]:
+    """Two axes, each on a unit id of its own."""
+    return axis_plan(name="x", unit_id=1, **changes), axis_plan(name="y", unit_id=2, **changes)

@@ -10,7 +10,7 @@ from gateway.exchange.answers import REACH_AFTER, Reach, Sign
 from gateway.exchange.plan import LineTiming, Reference
 from gateway.modbus.registers import BitField, BitTable
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
-from tests.exchange.silent_bench import ANSWER, OTHER, SILENT, controller, line, polled_in_turn
+from tests.exchange.silent_bench import ANSWER, OTHER, SILENT, controller, line, polled_in_turn, two_axes
 
 WALK: Final = """
             answers    unheard    missed-one missed-two dead
@@ -215,10 +215,6 @@ def test_w11_a_controller_that_waits_for_another_answer_first_gets_that_first() 
     assert bench.port.replies == []
     bench.line.reply(1, ANSWER, bench.now_ns)
     assert bench.port.replies == [(1, 1, ANSWER), (2, 2, SILENT)]
-
-
-def two_axes(**changes: Any) -> tuple[Any, Any]:
-    return axis_plan(name="x", unit_id=1, **changes), axis_plan(name="y", unit_id=2, **changes)
 
 
 def test_m11_the_group_of_a_dead_drive_is_answered_too_and_a_read_of_that_drive_is_the_trial() -> None:
