@@ -70,7 +70,8 @@ def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
 def _look_at_kept(request: Request, axis: Axis) -> AddedFrame | None:
     """Return the look that tells whether the target of before a loss counts: of a group all do, or none."""
     actual = axis.asked_actual
-    is_open = axis.retained is not None and axis.seen_at_retained is None
+    retained = axis.retained
+    is_open = retained is not None and not retained.is_declared and axis.seen_at_retained is None
     if not is_open or actual is None or axis.plan.name in request.known.actual:
         return None
     return AddedFrame(axis, Purpose.LOOK, actual.address, actual.words)

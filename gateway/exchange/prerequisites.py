@@ -133,9 +133,10 @@ def read_for_run(
     """Return what must be read before a whole target can be rendered."""
     known, name = request.known, axis.plan.name
     actual = axis.asked_actual
-    if not action.is_relative and axis.retained_as(number, words) is not None:
+    retained = axis.retained_as(number, words)
+    if not action.is_relative and retained is not None:
         is_seen = axis.is_seen_at_retained and not axis.is_unseen(request.now_ns)
-        if is_seen or actual is None or name in known.actual:
+        if retained.is_declared or is_seen or actual is None or name in known.actual:
             return None
         return AddedFrame(axis, Purpose.LOOK, actual.address, actual.words)
     if name not in known.actual and needs_look(axis, request.now_ns, action):

@@ -377,6 +377,8 @@ class Retained(NamedTuple):
     """When the last actual position before the loss was asked for: only a later one proves anything."""
     was_closed: bool = False
     """The link was closed in order, and nothing else was lost: its drive may hold these words still."""
+    is_declared: bool = False
+    """Nothing was lost: a person has declared the reference, and the drive holds these words as before."""
 
 
 class Fixed(NamedTuple):
@@ -749,7 +751,7 @@ class AxisState:
             if retained is None:
                 return None
             was_there = retained.was_there or self.is_seen_at_retained
-            return retained._replace(was_there=was_there, newest_ns=newest_ns)
+            return retained._replace(was_there=was_there, newest_ns=newest_ns, is_declared=False)
         image = self.fields[number]
         if not self._holds_target(number):
             return None  # another one is staged there by now, or a distance
@@ -777,6 +779,8 @@ class AxisState:
         retained = self.retained_as(number, nominal_words)
         if retained is None:
             return Keeping.NEW
+        if retained.is_declared:
+            return Keeping.SAME_WORDS
         if not self.plan.actual and self.whereabouts is Whereabouts.OUT_OF_REACH:
             return Keeping.SAME_WORDS  # no reading can ever tell, and its positions still mean something
         return KEEPING[self.is_seen_at_retained, self.plan.motion.waits_for_trigger, retained.was_there]
@@ -788,12 +792,16 @@ class AxisState:
 
     @property
     def seen_at_retained(self) -> bool | None:
-        """Whether it stands where its retained target had sent it; None: nobody has seen it stand since."""
+        """Whether it stands where its retained target had sent it; None: nobody has seen it stand since.
+
+        With a declared reference another place proves nothing: the axis may be on its way.
+        """
         retained, actual = self.retained, self.actual
         if retained is None or actual is None or actual.seen_ns <= retained.newest_ns or self.is_moving:
             return None
         window = self.plan.settings.in_position_counts
-        return abs(actual.counts - retained.corrected_counts) <= window
+        is_there = abs(actual.counts - retained.corrected_counts) <= window
+        return None if retained.is_declared and not is_there else is_there
 
     # --- what is read of it ----------------------------------------------------------------------------
 

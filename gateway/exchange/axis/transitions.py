@@ -414,8 +414,18 @@ class Axis(AxisState):
         self._reference_happens(ReferenceEvent.LOSS)
 
     def declare_referenced(self) -> None:
-        """A person says that the axis stands where its drive says."""
+        """A person says that the axis stands where its drive says.
+
+        The drive counts from the same zero as before: a target that it was given since the last loss stays the
+        same words, also on the way.
+        """
+        members = [each for each in (self, *self.peers) if each.compensation.accepted is not None]
         self._reference_happens(ReferenceEvent.DECLARED)
+        if self.beam is not None:
+            self.follow_group()
+        for member in members:
+            if member.retained is not None:
+                member.retained = member.retained._replace(is_declared=True)
 
     def follow_group(self) -> None:
         """Compensate the axes of its group only while every one of them knows where it is (M11)."""
