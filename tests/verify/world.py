@@ -784,6 +784,8 @@ class World:
         pdu = self.pdu(name, number)
         taken = {each.transaction_id for each in self.state.asked[port]}
         taken.update(number for owner, number in self.state.given_up if owner == port)
+        if self.state.wire is not None and self.state.wire.owner == port:
+            taken.add(self.state.wire.transaction_id)
         transaction_id = next(i for i in range(1, 99) if i not in taken)
         if self.design.controllers[port].serial:
             self._give_up(port)  # what it asked before is withdrawn, or is answered for nobody
