@@ -416,8 +416,8 @@ class Axis(AxisState):
     def declare_referenced(self) -> None:
         """A person says that the axis stands where its drive says.
 
-        The drive counts from the same zero as before: a target that it was given since the last loss stays the
-        same words, also on the way.
+        The drive counts from the same zero: a target that it was given since the last loss keeps its
+        words, also on its way.
         """
         members = [each for each in (self, *self.peers) if each.compensation.accepted is not None]
         self._reference_happens(ReferenceEvent.DECLARED)
