@@ -12,7 +12,7 @@ from gateway.exchange.added_frames import (
     restaging,
     standing_bit,
 )
-from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, TARGETED, Rendering
+from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, TARGETED, KeptOver, Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
@@ -217,7 +217,8 @@ def _read_back(request: Request, meaning: Meaning) -> AddedFrame | None:
     retained = axis.retained
     if number is None or retained is None or retained.number != number or not axis.may_read:
         return None
-    if not retained.was_closed:  # its drive may have been switched off, and hold what it had before
+    # After any other loss its drive may have been switched off, and hold what it had before.
+    if retained.over is not KeptOver.ORDERLY_CLOSE:
         return None
     image, field = axis.fields[number], axis.plan.command[number]
     is_known = image.nominal_words is not None or image.is_torn

@@ -154,6 +154,17 @@ KEEPING: Final[dict[tuple[bool, bool, bool], Keeping]] = {
 """What a kept target is; one that was seen elsewhere is not kept any more."""
 
 
+class KeptOver(Enum):
+    """What a last target is kept over."""
+
+    LOSS = "loss"
+    """The drive may have been switched off, or counts from another zero."""
+    ORDERLY_CLOSE = "orderly-close"
+    """The link was closed in order, and nothing else was lost: its drive may hold these words still."""
+    DECLARATION = "declaration"
+    """Nothing was lost: a person has declared the reference, and the drive holds these words as before."""
+
+
 class Said(Enum):
     """What the drive has said since the last motion began: the end of an old one and of this look alike."""
 
@@ -375,10 +386,12 @@ class Retained(NamedTuple):
     """The axis had been seen at it, or its drive had said so, before the loss."""
     newest_ns: int
     """When the last actual position before the loss was asked for: only a later one proves anything."""
-    was_closed: bool = False
-    """The link was closed in order, and nothing else was lost: its drive may hold these words still."""
-    is_declared: bool = False
-    """Nothing was lost: a person has declared the reference, and the drive holds these words as before."""
+    over: KeptOver = KeptOver.LOSS
+
+    @property
+    def is_declared(self) -> bool:
+        """Whether it needs no proof: nothing was lost."""
+        return self.over is KeptOver.DECLARATION
 
 
 class Fixed(NamedTuple):
@@ -751,7 +764,8 @@ class AxisState:
             if retained is None:
                 return None
             was_there = retained.was_there or self.is_seen_at_retained
-            return retained._replace(was_there=was_there, newest_ns=newest_ns, is_declared=False)
+            over = KeptOver.LOSS if retained.is_declared else retained.over
+            return retained._replace(was_there=was_there, newest_ns=newest_ns, over=over)
         image = self.fields[number]
         if not self._holds_target(number):
             return None  # another one is staged there by now, or a distance

@@ -62,6 +62,7 @@ from gateway.exchange.axis.state import (
     Block,
     End,
     Fixed,
+    KeptOver,
     OnWire,
     Proof,
     Referenced,
@@ -342,8 +343,9 @@ class Axis(AxisState):
         if self.beam is not None:
             self._group_happens(BeamEvent.ENDED)
         retained = self.retained_target
+        over = KeptOver.ORDERLY_CLOSE if was_closed else KeptOver.LOSS
         self.happens(Happening.DISPLACED if retained is None else Happening.OUT_OF_REACH)
-        self.retained = None if retained is None else retained._replace(was_closed=was_closed)
+        self.retained = None if retained is None else retained._replace(over=over)
         self.is_moving = False
         self._forget_words()
 
@@ -425,7 +427,7 @@ class Axis(AxisState):
             self.follow_group()
         for member in members:
             if member.retained is not None:
-                member.retained = member.retained._replace(is_declared=True)
+                member.retained = member.retained._replace(over=KeptOver.DECLARATION)
 
     def follow_group(self) -> None:
         """Compensate the axes of its group only while every one of them knows where it is (M11)."""
@@ -774,7 +776,9 @@ class Axis(AxisState):
         if self.silent_until_ns - since_ns <= self.plan.lost_ms * NS_PER_MS:
             return
         unproven, pending = self.unproven, self.pending
-        self._lose_reach(was_closed=self.retained is not None and self.retained.was_closed)
+        retained = self.retained
+        is_closed = retained is not None and retained.over is KeptOver.ORDERLY_CLOSE
+        self._lose_reach(was_closed=is_closed)
         if unproven is not None:  # it may have arrived before the drive fell silent
             self.happens(Happening.UNACKNOWLEDGED)
             self.unproven, self.pending = unproven, pending
