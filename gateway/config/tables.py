@@ -144,6 +144,7 @@ def context_of(axis: AxisSection, name: str) -> FileContext:
         file_counts_per_unit=options.file_counts_per_unit,
         v1_layout=options.v1_layout,
         file_start=options.file_start,
+        increment=options.increment,
         file_home=options.file_home,
         format=options.format,
         file_units=options.file_units,

@@ -5,7 +5,7 @@ L8 coverage, L9 empty column, L10 axis, L11 order of positions (raised by the re
 an even grid, L14 points beyond the travel, L15 lost motion of one point. Readers add R1 separator missing, R2
 start inferred, R3 option without meaning, R4 another compensation beside it, R7 points that LinuxCNC would
 not reach, R8 lost motion beside it, R9 the sign of Mint's offset, R10 values without a number of them, R11
-compensation left off.
+compensation left off. Those who refuse with a code raise it themselves: L11, R9.
 """
 
 from collections.abc import Callable, Iterator, Sequence
