@@ -91,7 +91,7 @@ def _axis(config: Path, name: str) -> "AxisPlan":
     if name not in axes:
         typer.echo(f"{config}: there is no axis {name}; there are {', '.join(axes)}", err=True)
         raise typer.Exit(1)
-    if axes[name].table is None:
+    if axes[name].table is None or not axes[name].table_name:
         typer.echo(f"{config}: axis.{name}.table: missing; name the table that is to be tested", err=True)
         raise typer.Exit(1)
     return axes[name]

@@ -201,6 +201,11 @@ class AxisSection(StrictModel):
         description="seconds without a move after which another controller may move the axis",
     )
 
+    @property
+    def is_corrected(self) -> bool:
+        """Whether anything of it may be corrected: it has a table, or a backlash of its own."""
+        return self.table is not None or self.backlash is not None
+
 
 class GroupSection(StrictModel):
     """Axes that carry one beam together."""

@@ -26,6 +26,7 @@ TABLES = {
     "flat.tab": HEADER + b"0 0 0\n50 .05 .05\n100 .05 .05\n",
 }
 STREAM = 'setpoints = "stream"\n'
+ALONE = 'backlash = { width = 0.2, kind = "homed-forward" }'
 AXES = {
     "mint": ("bow.tab", 'outside = "zero"'),
     "isg": ("ramp.tab", 'outside = "hold"'),
@@ -37,6 +38,8 @@ AXES = {
         "flat.tab",
         STREAM + 'backlash = { width = 0.02, kind = "homed-forward" }\nreversal = { cycles = 2 }',
     ),
+    "alone": ("", ALONE),
+    "interval": ("", f"{STREAM}{ALONE}\nreversal = {{ cycles = 2 }}"),
 }
 UNIT_IDS = {name: unit_id for unit_id, name in enumerate(AXES, start=1)}
 
@@ -44,7 +47,9 @@ UNIT_IDS = {name: unit_id for unit_id, name in enumerate(AXES, start=1)}
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
     axes = [
-        AXIS.format(name=name, unit_id=UNIT_IDS[name], table=table, settings=settings)
+        AXIS.format(name=name, unit_id=UNIT_IDS[name], table=table, settings=settings).replace(
+            'table = ""\n', ""
+        )
         for name, (table, settings) in AXES.items()
     ]
     with workshop_in(tmp_path_factory.mktemp("workshop"), axes, TABLES) as workshop:
@@ -55,6 +60,19 @@ def told(workshop: Workshop, name: str, *targets: int) -> list[int]:
     """Send targets to an axis, in counts; returns what its drive is told."""
     with workshop.master(UNIT_IDS[name]) as master:
         return [master.move(target) for target in targets]
+
+
+def test_backlash_needs_no_table(workshop: Workshop) -> None:
+    """Mint 3.4.1. Homed forward: forward 100 goes out as it is, backward 90 by 0.2 mm further back."""
+    assert told(workshop, "alone", 0, 100_000, 90_000, 80_000)[1:] == [100_000, 89_800, 79_800]
+    assert told(workshop, "alone", 80_001, -50_000, 150_000) == [80_001, -50_200, 150_000]
+
+
+def test_backlash_without_a_table_is_distributed_over_cycles(workshop: Workshop) -> None:
+    """Mint's BACKLASHINTERVAL: as many setpoints as it takes."""
+    assert told(workshop, "interval", 10_000, 60_000, 70_000)[-1] == 70_000
+    # of two setpoints: half after the first, sin²(45°)
+    assert told(workshop, "interval", 69_000, 68_000, 67_000) == [68_900, 67_800, 66_800]
 
 
 def test_zero_switches_the_correction_off_beyond_the_ends_and_on_again_inside(workshop: Workshop) -> None:

@@ -151,7 +151,7 @@ AXIS: Final[Texts] = {
         ),
     ),
     "backlash": Said(
-        more="Only beside a table of one direction",
+        more="Beside a table of one direction, or without a table",
         kind="`{ width = LENGTH, kind = … }`",
     ),
     "thermal": Said(
