@@ -113,7 +113,8 @@ def _check_outside(findings: Findings, path: KeyPath, settings: AxisSettings, ta
             (*path, "outside"),
             f'outside = "zero" where the table ends with a correction of {largest:.6g} {unit}',
             f"allowed: ends within one {step} ({settings.step:.6g} {unit}) of 0; "
-            'use "hold" or { fade = LENGTH }',
+            f'use "hold", or {{ fade = {largest / settings.max_slope:.6g} }} or longer: the correction goes '
+            "to 0 over that length and is off beyond it",
         )
     length = settings.outside.fade_length
     if settings.outside.kind is OutsideKind.FADE and largest / length > settings.max_slope * (1 + ROUNDING):

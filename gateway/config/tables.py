@@ -102,7 +102,7 @@ def table_in(
         elif lint.code == LOST_MOTION_LINT:
             if not lost_motion_is_taken_up:
                 findings.warnings.append(replace(remark, remedy=_backlash_of(loaded)))
-        elif lint.code != COVERAGE_LINT:
+        elif lint.severity is Severity.WARNING and lint.code != COVERAGE_LINT:
             findings.warnings.append(remark)
     return loaded
 

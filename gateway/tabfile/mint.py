@@ -304,7 +304,7 @@ def _outside(rows: Sequence[SourceRow], units: Units) -> tuple[tuple[str, ...], 
         return ('outside = "zero"',), "both ends are 0: outside, Mint adds nothing"
     return (), (
         f"outside, Mint adds nothing: the axis would jump by {step:.6g} {units.value} at the end of the "
-        "table; the gateway refuses that and holds"
+        "table; the gateway refuses that and holds, or goes to 0 over a length: outside = { fade = LENGTH }"
     )
 
 

@@ -202,6 +202,8 @@ def test_zero_outside_needs_ends_within_a_count_of_zero(tmp_path: Path) -> None:
     assert problem.line == line_of(text, "outside")
     assert "correction of 0.02 mm" in problem.found
     assert "one count (0.001 mm)" in problem.remedy
+    # 0.02 mm at max_slope 0.01
+    assert "{ fade = 2 } or longer" in problem.remedy
     flat = TWO_WAYS.replace("+0.0100", "+0.0010").replace("-0.0200", "-0.0010").replace("-0.0120", "+0.0000")
     assert loaded(tmp_path, text, {"cnc10x.tab": flat}).warnings == ()
 

@@ -18,11 +18,17 @@ table = "{table}"
 registers.command = [{{ address = 100, type = "int32" }}]
 {settings}
 """
+MINT = b"""DIM fwd(5) = 10.02, 20.01, 30.00, 40.01, 50.01
+PRECISIONTABLE(0, fwd)
+PRECISIONINCREMENT.0 = 10
+PRECISIONOFFSET.0 = 0
+"""
 HEADER = b"CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL 50\nENTRIES 3\n"
 TABLES = {
     "bow.tab": HEADER + b"0 0 0\n50 .05 .05\n100 0 0\n",
     "ramp.tab": HEADER + b"0 0 0\n50 .05 .05\n100 .1 .1\n",
     "lost.tab": HEADER + b"0 .01 -.01\n50 .01 -.01\n100 .01 -.01\n",
+    "fwd.mnt": MINT,
     "flat.tab": HEADER + b"0 0 0\n50 .05 .05\n100 .05 .05\n",
 }
 STREAM = 'setpoints = "stream"\n'
@@ -31,6 +37,7 @@ AXES = {
     "mint": ("bow.tab", 'outside = "zero"'),
     "isg": ("ramp.tab", 'outside = "hold"'),
     "wmx": ("ramp.tab", "outside = { fade = 20.0 }"),
+    "off": ("fwd.mnt", 'outside = { fade = 4.0 }\ntable_options.file_units = "mm"'),
     "refusing": ("ramp.tab", 'outside = "refuse"'),
     "cycles": ("lost.tab", STREAM + "reversal = { cycles = 4 }"),
     "jump": ("lost.tab", STREAM + 'reversal = "step"'),
@@ -86,6 +93,11 @@ def test_hold_keeps_the_value_of_the_end(workshop: Workshop) -> None:
 def test_a_fade_leads_to_zero_over_its_length(workshop: Workshop) -> None:
     # 10 of 20 mm beyond the end: half of 0.1 mm
     assert told(workshop, "wmx", 110_000, 120_000, 150_000) == [110_050, 120_000, 150_000]
+
+
+def test_a_fade_switches_the_table_of_mints_guide_off_beyond_its_end(workshop: Workshop) -> None:
+    # it ends at 50.01 with 50 - 50.01 = -0.01 mm; half of it 2 of 4 mm further, none at 55
+    assert told(workshop, "off", 50_010, 52_010, 55_000, 60_000) == [50_000, 52_005, 55_000, 60_000]
 
 
 def test_refuse_answers_with_an_exception(workshop: Workshop) -> None:
