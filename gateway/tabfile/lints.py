@@ -189,7 +189,7 @@ def _home(subject: _Subject) -> Iterator[Lint]:
     home = _home_of(subject.table)
     if home is None:
         return
-    row = subject.rows[home.index]
+    row = subject.rows[home.row]
     if abs(home.correction) > NOISE * max(subject.table.max_correction(), NOISE):
         yield _warning(
             "L5",
@@ -205,7 +205,7 @@ class _Home(NamedTuple):
     branch: str
     value: str
     correction: float
-    index: int
+    row: int
 
 
 def _home_of(table: CorrectionTable) -> _Home | None:
@@ -226,7 +226,7 @@ def _home_of(table: CorrectionTable) -> _Home | None:
 def _is_zero_at_home(subject: _Subject, row: SourceRow, branch: str) -> bool:
     """Whether a value is the one that is 0 by definition, and is."""
     home = _home_of(subject.table)
-    if home is None or branch != home.branch or row is not subject.rows[home.index]:
+    if home is None or branch != home.branch or row is not subject.rows[home.row]:
         return False
     step = subject.span / (len(subject.rows) - 1)
     return abs(row.position) <= NOISE * step and not corrections([row], branch)[0]
