@@ -254,9 +254,12 @@ def test_a_format_of_one_curve_wants_one_that_is_zero_at_home(rtl: Path, tmp_pat
 
 def test_what_a_first_table_is_warned_of_can_be_true_of_readings(tmp_path: Path, manual: Path) -> None:
     # TB058's own readings have a reversal that grows along the axis, as a list in the wrong order would show
-    built = good("build", manual, tmp_path / "cnc10z.tab", "--home", "switch-negative")
+    built = good("build", manual, tmp_path / "cnc10z.tab")
     assert "L3" not in [lint["code"] for lint in built["lints"]]
     assert "L3" in run("lint", tmp_path / "cnc10z.tab", "--file-start", "-2.5").output
+    # with 0 at home, the last reverse value, the file itself shows that its list stands the right way
+    good("build", manual, tmp_path / "home.tab", "--home", "switch-negative")
+    assert "L3" not in run("lint", tmp_path / "home.tab", "--file-start", "-2.5").output
 
 
 def test_a_table_that_cannot_be_used_names_no_line_of_a_file_that_is_not_there(tmp_path: Path) -> None:
