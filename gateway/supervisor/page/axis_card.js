@@ -205,8 +205,9 @@ export class AxisCard {
     setAttribute(this.tableSign, "class", `sign ${state.tone}`);
     setSign(this.tableSign, state.sign);
     setText(this.tableName, its.file ?? "");
-    const parts = [its.file === null && its.status === "none" ? "No table is configured" : state.words];
-    if (its.points) {
+    const without = its.status === "none" ? "No table is configured" : "No table: backlash alone";
+    const parts = [its.file === null ? without : state.words];
+    if (its.points && its.file !== null) {
       parts.push(`${its.points} points`);
     }
     if (its.loaded_at) {
