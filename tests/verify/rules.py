@@ -1027,6 +1027,11 @@ def begin_to_hush(world: "World", number: int, ticks: int) -> None:
     if not world.design.is_serial:
         return
     _set_hush(world, number, ticks)
+    may_stay_unasked(world, number)
+
+
+def may_stay_unasked(world: "World", number: int) -> None:
+    """A frame to a drive was not answered: requests to it that may have needed it first have failed too."""
     asked = tuple(
         tuple(each._replace(is_owed=each.is_owed or each.axis == number) for each in own)
         for own in world.state.asked

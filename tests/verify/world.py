@@ -1055,6 +1055,7 @@ class World:
         if wire is not None:
             self.state = self.state._replace(wire=None)
             facts.unanswered(self, wire, is_cut=True)
+            rules.may_stay_unasked(self, facts.number_of(self, wire.unit_id))
         facts.link_lost(self, set() if wire is None else {wire.unit_id})
         self._call("link_down", self.now_ns)
         self._collect()
