@@ -161,6 +161,12 @@ class Belief:
         if indices and is_certain and (whole or self._are_both_new()):
             self.is_blocked = False
 
+    def take_back(self, request: Parsed, before: Written, sent: Written) -> None:
+        """Take note that a write was refused and has written nothing: what it wrote is as it was (M1)."""
+        for index in self.touched(request):
+            if self.target[index].number == sent.number:
+                self.target[index].word = before.target[index]
+
     def _are_both_new(self) -> bool:
         """Whether both halves were written since the target was lost, and surely belong to one command."""
         first_ns, second_ns = (register.at_ns for register in self.target)
