@@ -211,9 +211,8 @@ class Judge:
                 self.belief.acknowledge(request.parsed, frame.written, whole=len(touched) == 2)
         elif not is_native:
             self._lost(frame)
-            if is_exception and self._proves_nothing_written(frame):
-                assert request is not None and frame.before is not None and frame.written is not None
-                self.belief.take_back(request.parsed, frame.before, frame.written)
+            if is_exception:
+                self._take_back(frame)
         unchanged = is_exception and self.layout.exception_writes_nothing
         is_held = is_native and not frame.has_moved and self._is_held(request)
         if (frame.intent is not None or frame.is_interruption) and not unchanged and not is_held:
@@ -226,12 +225,13 @@ class Judge:
         if is_native and frame.parsed.read is not None:
             self._read_answered(frame, is_native=True)
 
-    def _proves_nothing_written(self, frame: Frame) -> bool:
-        """Whether the exception to a write of a controller says that the drive has written nothing (M7)."""
-        if frame.request is None or frame.reply is None or frame.written is None:
-            return False
+    def _take_back(self, frame: Frame) -> None:
+        """A write of a controller was refused: take it back where the drive has written nothing (M7)."""
+        if frame.request is None or frame.reply is None or frame.before is None or frame.written is None:
+            return
         code = frame.reply[1]
-        return code == 1 or (code in MAY_PROVE and self.layout.exception_writes_nothing)
+        if code == 1 or (code in MAY_PROVE and self.layout.exception_writes_nothing):
+            self.belief.take_back(frame.request.parsed, frame.before, frame.written)
 
     def _control_of(self, request: Request | None) -> int | None:
         """Return the control word that a request writes into an image."""
