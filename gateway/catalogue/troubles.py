@@ -254,7 +254,7 @@ CONFIGURATION: Final = TroubleEntry(
     Severity.WARNING,
     "the configuration in its file could not be taken: the one before it is in force",
     "a mistake in it, or a key that needs a restart",
-    "run pitch-gateway check: it says what to do",
+    "where it asks for a restart, start the gateway again; else pitch-gateway check names what to mend",
 )
 TABLES_FOLDER: Final = TroubleEntry(
     "tables_folder",
