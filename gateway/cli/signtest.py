@@ -67,8 +67,8 @@ def signtest(
 
         pitch-gateway signtest gateway.toml --axis x --moved 0.99
 
-        pitch-gateway signtest gateway.toml --axis x --at 150 --forward-reading 149.99 --backward-reading 150
-    """
+        pitch-gateway signtest gateway.toml --axis x --at -250 --forward-reading -249.99 --backward-reading -249.981
+    """  # noqa: E501 - a line that is copied
     from gateway.metrology.errors import ReadingsError
 
     numbers = (at, forward_reading, backward_reading)
