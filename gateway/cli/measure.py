@@ -66,11 +66,11 @@ def measure(
     Exit code 1 when it did not come to its end; 130 or 143 when a signal stopped it.
 
     Examples:
-        pitch-gateway measure gateway.toml --axis x --from 0 --to 300 --step 25
+        pitch-gateway measure gateway.toml --axis x --from -290 --to -15 --step 25
 
-        pitch-gateway measure gateway.toml --axis x --from 0 --to 300 --targets 13 --spread 5 --csv laser.csv
+        pitch-gateway measure gateway.toml --axis x --from -298 --to -2 --targets 9 --spread 5 --csv laser.csv
 
-        pitch-gateway measure gateway.toml --axis x --from 2 --to 298 --targets 13 --table-step 25 --out x.tab
+        pitch-gateway measure gateway.toml --axis x --from -298 --to -2 --step 8 --table-step 25 --out x.tab
 
         pitch-gateway measure gateway.toml --axis x --resume x.readings.csv --gauge /dev/ttyUSB0
     """

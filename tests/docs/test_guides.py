@@ -239,6 +239,15 @@ def _furnish(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    "example", [each for each in EXAMPLES if {"measure", "--from"} <= {*each.words}], ids=str
+)
+def test_a_line_that_measures_stays_inside_the_travel_of_readme(example: Example) -> None:
+    """Only a gateway that runs would refuse it: the axis turns round 1 mm beyond its targets."""
+    low, high = (float(example.words[example.words.index(option) + 1]) for option in ("--from", "--to"))
+    assert -300.0 <= low - 1.0 < high + 1.0 <= 0.0
+
+
+@pytest.mark.parametrize(
     "example",
     [each for each in EXAMPLES if each.words[0] not in NOT_RUN and each.where not in OWN_TESTS],
     ids=str,
