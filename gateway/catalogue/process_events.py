@@ -19,7 +19,7 @@ SHADOW: Final = EventEntry(
     Severity.WARNING,
     "the axis is in shadow mode: corrections are computed and shown, positions pass 1:1",
     '`compensation = "shadow"`',
-    'set `compensation = "on"` when what it shows is right',
+    'set `compensation = "on"` when what it shows is right, then `pitch-gateway reload CONFIG`',
 )
 READY: Final = EventEntry(
     "ready",

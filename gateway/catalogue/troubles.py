@@ -61,7 +61,7 @@ DRIVE_GARBLED: Final = TroubleEntry(
     "another baud rate or parity than the drive has, A and B exchanged, no termination, two drives with one "
     "unit id",
     "compare baud rate and parity with those of the drive, then exchange A and B, then look at termination "
-    "and unit ids; pitch-gateway probe asks each drive once",
+    "and unit ids; pitch-gateway capture --follow shows the bytes that come",
     title="Drive not understood",
     cuts_off=True,
 )
@@ -80,7 +80,8 @@ DRIVE_SILENT: Final = TroubleEntry(
     Severity.ERROR,
     "the drive of an axis does not answer",
     "power, cable, or a drive that hangs; where it has never answered also unit id, baud rate and parity",
-    "check power, cable, unit id, baud rate and parity; pitch-gateway probe asks each drive once",
+    "check power, cable, unit id, baud rate and parity; pitch-gateway capture --follow shows what is asked "
+    "and what comes. To look for its unit id, stop the gateway, then pitch-gateway probe --scan",
     title="Drive silent",
     cuts_off=True,
 )
@@ -187,14 +188,15 @@ OFF: Final = TroubleEntry(
     Severity.WARNING,
     "the compensation is off: positions pass uncorrected",
     'somebody switched it off, `compensation = "off"`, or a register that moves others about was written',
-    "switch it on with pitch-gateway enable",
+    "switch it on with pitch-gateway enable; after `compensation-ended` start the gateway again",
 )
 SHADOW: Final = TroubleEntry(
     "shadow",
     Severity.WARNING,
     "shadow mode: corrections are shown and not applied",
     '`compensation = "shadow"`',
-    'to apply them set compensation = "on" in the configuration',
+    'to apply them set compensation = "on" in the configuration, then pitch-gateway reload while the axis '
+    "stands",
 )
 OUTSIDE: Final = TroubleEntry(
     "outside",
@@ -215,7 +217,7 @@ TABLE_REMOVED: Final = TroubleEntry(
     Severity.WARNING,
     "a table file is not there: positions pass uncorrected",
     "the file was renamed or taken away",
-    "put the file back, or take it out of the configuration",
+    "put the file back, or take it out of the configuration, then pitch-gateway reload",
 )
 OVER_BUDGET: Final = TroubleEntry(
     "over-budget",
@@ -252,7 +254,7 @@ CONFIGURATION: Final = TroubleEntry(
     Severity.WARNING,
     "the configuration in its file could not be taken: the one before it is in force",
     "a mistake in it, or a key that needs a restart",
-    "run pitch-gateway check: it says what to do",
+    "where it asks for a restart, start the gateway again; else pitch-gateway check names what to mend",
 )
 TABLES_FOLDER: Final = TroubleEntry(
     "tables_folder",
