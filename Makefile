@@ -24,7 +24,10 @@ help: ## this list
 setup: ## a virtual environment with the package and its tools
 	@VENV="$(VENV)" tools/bootstrap.sh
 
-demo: setup ## see a worn machine become accurate
+run-setup: # of setup what the program itself runs on
+	@VENV="$(VENV)" tools/bootstrap.sh --editable .
+
+demo: run-setup ## see a worn machine become accurate
 	@$(BIN)/pitch-gateway demo
 
 test-programs: # a broker and a browser
