@@ -24,10 +24,10 @@ help: ## this list
 setup: ## a virtual environment with the package and its tools
 	@VENV="$(VENV)" tools/bootstrap.sh
 
-run-setup: # of setup what the program itself runs on
+program: ## of setup the program alone, with what it runs on
 	@VENV="$(VENV)" tools/bootstrap.sh --editable .
 
-demo: run-setup ## see a worn machine become accurate
+demo: program ## see a worn machine become accurate
 	@$(BIN)/pitch-gateway demo
 
 test-programs: # a broker and a browser
