@@ -85,7 +85,9 @@ class Draft:
         Raises:
             ValueError: the configuration would refuse it; says what was found and what is allowed.
         """
-        answers = {**self.answers, name: serial_format(str(answer)) if name in FORMATS else answer}
+        if name in FORMATS:
+            answer = serial_format(str(answer), self.serial(name))
+        answers = {**self.answers, name: answer}
         problems = problems_of_draft(self._file, self._tables(answers))
         new = [problem for problem in problems if problem.found != "missing" and problem not in self._known]
         own = [problem for problem in new if self._is_about(problem, name)]

@@ -53,8 +53,9 @@ MEASURE_QUESTION: Final = (
     "The drives are there. Measure how long they take to answer (reads only, half a minute)?"
 )
 COMPENSATION_REFUSAL: Final = (
-    "the controller's own compensation and backlash have to be off, or the error is taken out twice; "
-    "switch them off there, then say so with --controller-compensation-off"
+    "nothing is written: the controller's own compensation and backlash have to be off, or the error is "
+    "taken out twice; switch them off there, then start this again and answer y (or give "
+    "--controller-compensation-off)"
 )
 
 
@@ -129,7 +130,7 @@ def init(
     _make_tables(file)
     if timing := _measured(file, asking, draft, measure=measure):
         _write(file, draft.text(table, state, timing), force=True)
-    is_good = _say_what_is_left(file, as_json=as_json)
+    is_good = _say_what_is_left(file, _next(file, state), as_json=as_json)
     if systemd is not None:
         _fit_units(file, systemd, is_good=is_good, is_quiet=as_json)
 
@@ -163,10 +164,14 @@ def _answer(draft: "Draft", asking: Asking, given: Mapping[str, Any], *, is_comp
 def _settle_drive(asking: Asking, draft: "Draft", given: str | None) -> None:
     """Have the drive named; the profiles that there are stand above the question."""
     from gateway.cli.drives_output import list_lines
+    from gateway.drives import library
 
-    for line in list_lines() if asking.is_on and given is None else ():
-        typer.echo(f"  {line}", err=True)
-    ask = partial(text, "Drive (a name of `pitch-gateway drives`, or a file of your own: ./my-drive.toml)")
+    names = library.names()
+    for number_, line in enumerate(list_lines()) if asking.is_on and given is None else ():
+        typer.echo(f"  {number_ or '':>2}  {line}", err=True)  # above the first stands what the columns are
+    ask = partial(
+        _choice, "Drive (a number or a name of the list, or a file of your own: ./my-drive.toml)", names
+    )
     try:
         asking.settle(given, "--drive", ask, partial(draft.take, "drive"))
     except typer.BadParameter as error:
@@ -195,7 +200,7 @@ def _settle_rest(asking: Asking, draft: "Draft", given: Mapping[str, Any]) -> No
             answer = usual.get(name)
         asked = partial(text, question, usual[name]) if name in usual else partial(ask, question)
         if name.endswith("_at"):
-            asked = partial(_place, question, [port.path for port in ports])
+            asked = partial(_choice, question, [port.path for port in ports])
         said = len(draft.notes)
         asking.settle(answer, f"--{name.replace('_', '-')}", asked, partial(draft.take, name))
         for note in draft.notes[said:] if asking.is_on else ():
@@ -214,11 +219,11 @@ def _say_before(name: str, draft: "Draft", ports: "Sequence[Found]") -> None:
         typer.echo(f"  of this drive: {draft.profile.counts}", err=True)
 
 
-def _place(question: str, ports: "Sequence[str]") -> str:
-    """Ask for a place; a number is the serial port of the list."""
+def _choice(question: str, listed: "Sequence[str]") -> str:
+    """Ask for something of a list that was shown: by its number, or as it is called."""
     answer = text(question)
-    if answer.isdecimal() and 0 < int(answer) <= len(ports):
-        return ports[int(answer) - 1]
+    if answer.isdecimal() and 0 < int(answer) <= len(listed):
+        return listed[int(answer) - 1]
     return answer
 
 
@@ -327,7 +332,7 @@ def _is_there(place: str) -> bool:
     return True
 
 
-def _say_what_is_left(file: Path, *, as_json: bool) -> bool:
+def _say_what_is_left(file: Path, following: list[str], *, as_json: bool) -> bool:
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
 
@@ -341,7 +346,7 @@ def _say_what_is_left(file: Path, *, as_json: bool) -> bool:
             "file": str(file),
             "ok": not left,
             "left": [problem.as_dict() for problem in left],
-            "next": _next(file),
+            "next": following,
         }
         typer.echo(json.dumps(result, indent=2, ensure_ascii=False))
         return not left
@@ -349,15 +354,19 @@ def _say_what_is_left(file: Path, *, as_json: bool) -> bool:
     for problem in left:
         typer.echo(f"  {problem}")
     typer.echo("next:")
-    for line in _next(file):
+    for line in following:
         typer.echo(f"  {line}")
     return not left
 
 
-def _next(file: Path) -> list[str]:
-    """Return the next three commands, as they are typed."""
+def _next(file: Path, state: str | None) -> list[str]:
+    """Return the next three commands, as they are typed; root runs them as the user of the service."""
+    from gateway.ipc.service_user import why_not_for_root
+
+    folder = Path(state or file.parent)
+    who = f"sudo -u {folder.owner()} " if why_not_for_root(folder) else ""
     quoted = shlex.quote(str(file))
-    return [f"pitch-gateway {command} {quoted}" for command in ("check", "probe", "run")]
+    return [f"{who}pitch-gateway {command} {quoted}" for command in ("check", "probe", "run")]
 
 
 def _refuse(why: str) -> NoReturn:
