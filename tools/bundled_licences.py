@@ -48,7 +48,7 @@ def paragraph(package: Distribution) -> str:
 
 def said(package: Distribution, key: str) -> str:
     """Return what the metadata say; empty where they do not."""
-    return package.metadata[key] if key in package.metadata else ""
+    return package.metadata[key] if key in package.metadata else ""  # noqa: SIM401 - its type has no get
 
 
 def field(name: str, lines: list[str]) -> str:
