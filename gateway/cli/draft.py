@@ -74,6 +74,12 @@ class Draft:
             return serial_of(asked, self.profile)
         return USUAL._replace(**{key: value for key, value in asked._asdict().items() if value is not None})
 
+    @property
+    def read_address(self) -> int:
+        """Return a register that the drive can be asked for: that of its position, where that is known."""
+        places = () if self.profile is None else self.profile.registers.actual
+        return next((place.address for place in places), 0)
+
     def wants_format(self, name: str) -> bool:
         """Whether how a port is set has to be asked: it is a serial one, and no option said it."""
         is_serial = str(self.answers.get(FORMATS[name], "")).startswith("/")
