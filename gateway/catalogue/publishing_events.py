@@ -81,7 +81,8 @@ MQTT_COMMAND_IGNORED: Final = EventEntry(
 MQTT_COMMANDS_TOO_MANY: Final = EventEntry(
     "mqtt-commands-too-many",
     Severity.WARNING,
-    "commands came faster than they are taken, and were not carried out: how many, and the last of them",
+    "commands came faster than they are taken, or waited when the gateway ended, and were not carried out: "
+    "how many, and the last of them",
     "a program in a loop, or somebody who means harm",
     "find out who publishes them; give the last one again if it is to hold",
 )

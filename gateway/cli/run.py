@@ -39,8 +39,9 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
         pitch-gateway run gateway.toml --log-format json 2> gateway.log
     """
     from gateway.cli.processes import command_of, run_both
-    from gateway.ipc.notes import note_writer
+    from gateway.ipc.notes import note_writer, take_standard_error
 
+    take_standard_error(log_format)
     compile_for_start_or_exit(config)
     code = run_both(
         command_of("gateway.relay", config, log_format, "--status-every", str(status_every)),

@@ -230,7 +230,7 @@ class Supervisor:
     def _configure(self, loaded: Loaded) -> None:
         """Follow what a configuration says: the same as before changes nothing."""
         self._follow(loaded.tables_folder)
-        self._http.configure(loaded.sections.http, loaded.path.parent)
+        self._http.configure(loaded.sections.http, loaded.plan.name, loaded.path.parent)
         mqtt = loaded.sections.mqtt
         folder = loaded.path.parent
         self._temperatures.follow(loaded.sections)

@@ -4,8 +4,12 @@ import signal
 import socket
 import time
 
+import msgspec
+
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
+from gateway.ipc.state_folder import PLAN_NAME
+from gateway.ipc.state_version import VERSION, sealed, unsealed
 from gateway.ipc.supervisor_client import ask_supervisor
 from tests.commands import typed
 from tests.processes.bench import (
@@ -23,7 +27,7 @@ from tests.processes.bench import (
 
 def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
     config = str(site.config)
-    nothing = typed_apart("relay", config)
+    nothing = typed_apart("relay", config, "--log-format", "console")
     assert nothing.returncode == 1
     assert nothing.stderr == (
         f"{config}: it has not been compiled yet: there is no {site.config.parent}/state/plan.msgpack; "
@@ -38,7 +42,7 @@ def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
         assert children(relay.process) == {}
         assert relay.end() == 0
     site.config.write_text(site.config.read_text() + "# a remark\n")
-    changed = typed_apart("relay", config)
+    changed = typed_apart("relay", config, "--log-format", "console")
     assert changed.returncode == 1
     assert changed.stderr == (
         f"{config}: {config} has changed since it was compiled; run: pitch-gateway check --compile {config}\n"
@@ -213,12 +217,28 @@ def test_a_second_supervisor_on_the_same_folder_is_refused(site: Site) -> None:
     )
     with running("supervise", config) as supervisor:
         supervisor.until("supervising")
-        second = typed_apart("supervise", config)
+        second = typed_apart("supervise", config, "--log-format", "console")
         assert (second.returncode, second.stderr) == (1, refusal)
         supervisor.process.kill()  # the lock goes with its process, whatever way that ends
         supervisor.rest()
     with gateway_of(site) as (gateway, master):
-        beside_run = typed_apart("supervise", config)
+        beside_run = typed_apart("supervise", config, "--log-format", "console")
         assert (beside_run.returncode, beside_run.stderr) == (1, refusal)
         assert master.move(50_000) == 50_050
         assert gateway.end() == 0
+
+
+def test_on_the_state_of_a_newer_release_neither_service_starts(site: Site) -> None:
+    config = str(site.config)
+    assert typed("check", "--compile", config).returncode == 0
+    plan = site.config.parent / "state" / PLAN_NAME
+    later = {"version": VERSION + 1, "gateway_version": "999.0.0"}
+    plan.write_bytes(
+        sealed(msgspec.msgpack.encode(msgspec.msgpack.decode(unsealed(plan.read_bytes())) | later))
+    )
+    before = {path: path.read_bytes() for path in plan.parent.iterdir() if path.is_file()}
+    for command in ("relay", "supervise"):
+        ended = typed_apart(command, config, "--log-format", "console")
+        assert ended.returncode == 1
+        assert "was written by a newer release, 999.0.0" in ended.stderr
+    assert {path: path.read_bytes() for path in plan.parent.iterdir() if path.is_file()} == before

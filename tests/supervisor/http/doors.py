@@ -140,6 +140,6 @@ async def asking(
         served.feeds.publish(model())
         before = len(served.said)
         wanted = section(served.port, certificates, tokens=tokens, clients=clients)
-        served.service.configure(wanted, folder)
+        served.service.configure(wanted, "mill-1", folder)
         await until(lambda: "http-ready" in [event for event, _ in served.said[before:]])
         yield Asking(served, folder, certificates)

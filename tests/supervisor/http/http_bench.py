@@ -317,7 +317,7 @@ async def serving(
     window = Window(feeds, state, lambda axis: settings, reload, say)
     service = HttpService(window, tcp, local, handshakes, now=now)
     served = Served(service, feeds, port, state)
-    service.configure(HttpSection(listen=f"127.0.0.1:{port}"), Path())
+    service.configure(HttpSection(listen=f"127.0.0.1:{port}"), "mill-1", Path())
     running = asyncio.create_task(service.run())
     try:
         await until(lambda: running.done() or (bool(served.said) and served.local.exists()))
