@@ -1,6 +1,6 @@
 """What the supervisor remembers of the time before: since when something is wrong, and where axes were.
 
-All of it is bounded, and ends with the process.
+All of it is bounded, and ends with the process; ``supervisor.past`` keeps some of it for the next one.
 """
 
 from collections import deque
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
 
+from gateway.supervisor.acknowledged import Acknowledged, Acknowledgement
 from gateway.supervisor.trouble import Place, Trouble
 
 HISTORY_S: Final = 600
@@ -27,27 +28,50 @@ class Seen:
     nominal: float | None
     corrected: float | None
     correction: float | None
+    compensation: str
+    """Its state, as the status says it."""
 
 
 class Chronicle:
     """The recent past; times in seconds are those of ``time.monotonic``."""
 
     def __init__(self) -> None:
+        self.acknowledged = Acknowledged()
         self._since: dict[tuple[str, Place], str] = {}
+        self._found: Sequence[Trouble] = ()
         self._last: dict[str, Seen] = {}
         self._history: dict[str, deque[Seen]] = {}
         self._snapshot: Mapping[str, Any] | None = None
 
     def stamp(self, found: Sequence[Trouble], now: datetime) -> list[dict[str, Any]]:
-        """Return troubles as plain data, each with the time since when it is there."""
-        self._since = {
-            (each.entry.kind, each.place): self._since.get((each.entry.kind, each.place))
-            or datetime.fromtimestamp(now.timestamp() - (each.age_s or 0.0), UTC).isoformat(
-                timespec="seconds"
-            )
-            for each in found
+        """Return troubles as plain data, each with the time since when it is there, and who has seen it."""
+        self._found = found
+        self._since = {each.place_key: self._since_of(each, now) for each in found}
+        return [self._told(each) for each in found]
+
+    def _since_of(self, each: Trouble, now: datetime) -> str:
+        if (since := self._since.get(each.place_key)) is not None:
+            return since
+        if (seen := self.acknowledged[each.place_key]) is not None:
+            return seen.since
+        begin = datetime.fromtimestamp(now.timestamp() - (each.age_s or 0.0), UTC)
+        return begin.isoformat(timespec="seconds")
+
+    def _told(self, each: Trouble) -> dict[str, Any]:
+        seen = self.acknowledged[each.place_key]
+        return {
+            **each.as_data(self._since[each.place_key]),
+            "acknowledged": None if seen is None else seen.as_data(),
         }
-        return [each.as_data(self._since[each.entry.kind, each.place]) for each in found]
+
+    def acknowledge(
+        self, kind: str, where: str, since: str, by: str, now: datetime
+    ) -> Acknowledgement | None:
+        """Note who has seen an alarm; None: there is none like that, or not any more."""
+        for each in self._found:
+            if (*each.key, self._since[each.place_key]) == (kind, where, since):
+                return self.acknowledged.add(each, since, by, now)
+        return None
 
     def take(self, snapshot: Mapping[str, Any] | None, now_s: float) -> None:
         """Keep where the axes are, of a snapshot that has not been taken yet."""
@@ -73,17 +97,14 @@ class Chronicle:
         age_s = round(now_s - seen.at_s, 1)
         return {"nominal": seen.nominal, "corrected": seen.corrected, "age_s": age_s}
 
-    def history(self, axis: str, now_s: float) -> dict[str, Any] | None:
+    def history(self, axis: str) -> Sequence[Seen] | None:
         """Return the last ten minutes of an axis, oldest first; None: nothing is known of it."""
         kept = self._history.get(axis)
-        if kept is None:
-            return None
-        return {
-            "axis": axis,
-            "ages_s": [round(now_s - seen.at_s, 1) for seen in kept],
-            "nominal": [seen.nominal for seen in kept],
-            "correction": [None if s.correction is None else round(s.correction, 7) for s in kept],
-        }
+        return None if kept is None else tuple(kept)
+
+    def newest(self) -> dict[str, Seen]:
+        """Return where each axis was seen last, or that nobody knew."""
+        return {axis: kept[-1] for axis, kept in self._history.items() if kept}
 
 
 def _seen(axis: Mapping[str, Any], now_s: float) -> Seen:
@@ -91,4 +112,5 @@ def _seen(axis: Mapping[str, Any], now_s: float) -> Seen:
     correction = axis.get("correction")
     if axis["compensation"] != "shadow" and nominal is not None and corrected is not None:
         correction = corrected - nominal
-    return Seen(now_s - (axis.get("actual_age_s") or 0.0), nominal, corrected, correction)
+    at_s = now_s - (axis.get("actual_age_s") or 0.0)
+    return Seen(at_s, nominal, corrected, correction, axis["compensation"])

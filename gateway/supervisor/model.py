@@ -55,6 +55,7 @@ def whole_model(
         "supervisor": dict(supervisor),
     }
     found = troubles(model)
+    chronicle.acknowledged.follow(found, now_s)
     model["troubles"] = chronicle.stamp(found, datetime.now(UTC))
     for axis, status in model["axes"].items():
         status["trouble"] = of_axis(found, axis)

@@ -49,10 +49,15 @@ class Trouble:
         """What makes it the same trouble as a moment ago."""
         return self.entry.kind, self.where
 
-    def hides(self, other: "Trouble") -> bool:
-        """Whether another one only follows from this one."""
-        is_within = other.place[: len(self.place)] == self.place
-        return is_within and other.entry in kinds.HIDES.get(self.entry, ())
+    @property
+    def place_key(self) -> tuple[str, Place]:
+        """The same without words: what stays when the words change."""
+        return self.entry.kind, self.place
+
+    def hides(self, entry: TroubleEntry, place: Place) -> bool:
+        """Whether a trouble of a kind at a place only follows from this one."""
+        is_within = place[: len(self.place)] == self.place
+        return is_within and entry in kinds.HIDES.get(self.entry, ())
 
     def as_data(self, since: str) -> dict[str, Any]:
         """Return it as plain data; ``since`` as ISO 8601."""
@@ -81,10 +86,18 @@ def troubles(model: Mapping[str, Any]) -> list[Trouble]:
         ),
         *_of_supervisor(model["supervisor"]),
     ]
-    causes = [trouble for trouble in found if not any(other.hides(trouble) for other in found)]
+    causes = [
+        trouble for trouble in found if not any(other.hides(trouble.entry, trouble.place) for other in found)
+    ]
     return sorted(
         causes, key=lambda each: (each.entry.severity is not Severity.ERROR, _ORDER[each.entry.kind])
     )
+
+
+def is_hidden(kind: str, place: Place, found: Sequence[Trouble]) -> bool:
+    """Whether nobody would be told of a kind of trouble at a place, because of what is found."""
+    entry = kinds.TROUBLES.get(kind)
+    return entry is not None and any(other.hides(entry, place) for other in found)
 
 
 def of_axis(found: Sequence[Trouble], axis: str) -> dict[str, Any] | None:

@@ -68,28 +68,30 @@ def test_ten_minutes_are_kept_a_place_each_second() -> None:
     chronicle = Chronicle()
     for number in range(5 * 700):  # 700 s, five snapshots in each
         chronicle.take(snapshot(float(number)), 1000.0 + number / 5)
-    history = chronicle.history("x", 1700.0)
+    history = chronicle.history("x")
     assert history is not None
-    assert len(history["nominal"]) == len(history["ages_s"]) == len(history["correction"]) == 600
-    assert history["nominal"][-1] == 3495.0  # the first snapshot of the last second
-    assert history["ages_s"][0] == 600.5
-    assert history["correction"][-1] == 0.25
-    assert chronicle.history("y", 1700.0) is None
+    assert len(history) == 600
+    assert history[-1].nominal == 3495.0  # the first snapshot of the last second
+    assert history[0].at_s == 1099.5
+    assert history[-1].correction == 0.25
+    assert chronicle.history("y") is None
+    assert chronicle.newest() == {"x": history[-1]}
 
 
 def test_where_nothing_is_known_there_is_a_gap_and_in_shadow_the_correction_is_what_would_be_added() -> None:
     chronicle = Chronicle()
     chronicle.take(snapshot(None, correction=None), 100.0)
     chronicle.take(snapshot(40.0, compensation="shadow"), 102.0)
-    history = chronicle.history("x", 102.0)
+    history = chronicle.history("x")
     assert history is not None
-    assert history["nominal"] == [None, 40.0]
-    assert history["correction"] == [None, 0.125]
+    assert [seen.nominal for seen in history] == [None, 40.0]
+    assert [seen.correction for seen in history] == [None, 0.125]
+    assert [seen.compensation for seen in history] == ["active", "shadow"]
 
 
 def test_an_axis_that_is_gone_is_forgotten() -> None:
     chronicle = Chronicle()
     chronicle.take(snapshot(40.0), 100.0)
     chronicle.take({"axes": {}}, 101.0)
-    assert chronicle.history("x", 101.0) is None
+    assert chronicle.history("x") is None
     assert chronicle.last("x", 101.0) is None
