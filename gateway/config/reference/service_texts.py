@@ -46,8 +46,8 @@ HTTP: Final[Texts] = {
         meaning=(
             '`[{ name = "prometheus", file = "prometheus.token" }]`: with one of these tokens somebody may '
             "look; with `acknowledge = true` he may also acknowledge alarms "
-            "([http](http.md#post-acknowledge)). `name` is for the log, `file` holds the token on one line and nothing else; `pitch-gateway token FILE` makes "
-            "one. Files are read again when "
+            "([http](http.md#post-acknowledge)). `name` is for the log, `file` holds the token on one "
+            "line and nothing else; `pitch-gateway token FILE` makes one. Files are read again when "
             "they change. Asked for over TCP everywhere, this machine included, never on the Unix socket"
         ),
         kind="list of tables, 16 at most",

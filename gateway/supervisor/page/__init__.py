@@ -2,7 +2,7 @@
 
 Nothing is built, and nothing is fetched but from the gateway itself: ``index.html`` at ``/``, the others at
 ``page/NAME``, and of the gateway's own answers ``events``, ``status``, ``tables/AXIS``, ``history/AXIS``,
-``frames/LINE``.
+``frames/LINE``. The one thing that it sends is ``acknowledge``.
 """
 
 from typing import Final
@@ -15,12 +15,15 @@ FILES: Final = (
     "curves.css",
     "rooms.css",
     "frames.css",
+    "alarms.css",
     "login.css",
     "icon.svg",
     "icon-trouble.svg",
     "theme.js",
     "login.js",
     "page.js",
+    "pointer.js",
+    "sound.js",
     "axis_card.js",
     "banner.js",
     "chart.js",

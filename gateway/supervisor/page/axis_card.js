@@ -5,6 +5,7 @@ import { Curve } from "./curve.js";
 import { make, setAttribute, setSign, setText, show, sign } from "./dom.js";
 import { NOT_KNOWN, fixed, scaleOf, span, timeOfDay } from "./figures.js";
 import { History } from "./history.js";
+import { Pointer } from "./pointer.js";
 import { Terms } from "./terms.js";
 import { compensation, direction, table as tableState } from "./words.js";
 
@@ -29,6 +30,15 @@ export class AxisCard {
     this.shownCurve = "";
     this.curve = new Curve();
     this.history = new History(name);
+    this.curvePointer = new Pointer(
+      this.curve.element,
+      {
+        stops: () => this.curve.stops(),
+        nearest: (share) => this.curve.nearest(share),
+        mark: (index) => this.curve.markAt(index),
+      },
+      `Correction of axis ${name} at a position`,
+    );
     this.stateSign = sign("info");
     this.stateWords = make("span");
     this.state = make("p", { class: "state" }, this.stateSign, this.stateWords);
@@ -54,7 +64,13 @@ export class AxisCard {
     this.tableName = make("span", { class: "file" });
     this.tableWords = make("span", { class: "file-state" });
     this.problems = make("ul", { class: "problems" });
-    this.drawing = make("div", { class: "drawing-frame" }, this.curve.element);
+    this.drawing = make(
+      "div",
+      { class: "drawing-frame" },
+      this.curve.element,
+      this.curvePointer.slider,
+      this.curvePointer.words,
+    );
     this.noCurve = make("p", { class: "no-curve quiet" });
     this.valuesBody = make("tbody");
     this.valuesHead = make("tr");
@@ -63,6 +79,7 @@ export class AxisCard {
     this.values.addEventListener("toggle", () => this.fillValues());
     this.resizes = new ResizeObserver(([entry]) => {
       this.curve.resize(entry.contentRect.width, entry.contentRect.height);
+      this.curvePointer.redraw();
     });
     this.resizes.observe(this.drawing);
   }
@@ -101,7 +118,7 @@ export class AxisCard {
             this.writerRow,
             this.gainRow,
           ),
-          make("figure", { class: "past" }, this.history.element, make("figcaption", { class: "legend", "aria-hidden": "true" }, make("span", { class: "key-position", text: "position" }), make("span", { class: "key-forward", text: "correction" }), make("span", { class: "key-time", text: "last 10 min" }))),
+          this.history.figure,
         ),
         make("figure", { class: "curve" }, this.drawing, this.noCurve, this.legend()),
       ),
@@ -247,6 +264,7 @@ export class AxisCard {
     }
     this.shownCurve = key;
     if (this.table === null || !has) {
+      this.curvePointer.set(null);
       this.curve.show(null);
       show(this.values, false);
       return;
@@ -256,6 +274,7 @@ export class AxisCard {
     const scale = scaleOf(axis.units);
     const travel = table.travel === undefined ? axis.travel : table.travel;
     this.curve.show({ table, travel, scale });
+    this.curvePointer.redraw();
     this.fillValues();
     setText(this.curve.title, `Correction of axis ${this.name} over its travel`);
     const last = table.positions[table.positions.length - 1];

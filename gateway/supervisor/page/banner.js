@@ -3,6 +3,7 @@
 
 import { byId, keepChildren, make, setAttribute, setSentence, setSign, setText, show, sign } from "./dom.js";
 import { span, timeOfDay } from "./figures.js";
+import { acknowledged } from "./session.js";
 import { capital } from "./words.js";
 
 const AT_FIRST = matchMedia("(max-width: 40rem)").matches ? 2 : 4; // the axes should stay in sight
@@ -19,6 +20,7 @@ export class Banner {
     this.sayStatus = byId("say-status");
     /** @type {Map<string, TroubleItem>} */
     this.items = new Map();
+    this.mayAcknowledge = false;
     /** @type {Trouble[]} */
     this.troubles = [];
     /** @type {Set<string> | null} */
@@ -82,11 +84,17 @@ export class Banner {
     }
     keepChildren(this.list, this.items, [...byKey.keys()], () => new TroubleItem(), (item) => item.element);
     for (const [key, trouble] of byKey) {
-      this.items.get(key)?.show(trouble);
+      this.items.get(key)?.show(trouble, this.mayAcknowledge);
     }
     show(this.more, hidden > 0);
     setText(this.more, this.isOpen ? "Show fewer" : `Show ${hidden} more`);
     setAttribute(this.more, "aria-expanded", String(this.isOpen));
+  }
+
+  /** Offer to acknowledge alarms: whoever looks has the right to. */
+  allow() {
+    this.mayAcknowledge = true;
+    this.draw();
   }
 
   /**
@@ -117,18 +125,55 @@ class TroubleItem {
     this.since = make("span", { class: "since" });
     this.kind = make("span", { class: "unseen" });
     this.sign = sign("warning");
+    this.seen = make("span", { class: "seen", hidden: "" });
+    this.button = /** @type {HTMLButtonElement} */ (make("button", { type: "button", class: "plain", text: "Acknowledge" }));
+    this.problem = make("span", { class: "problem" });
+    /** @type {Trouble | null} */
+    this.trouble = null;
+    this.isAsking = false;
+    this.button.addEventListener("click", () => void this.acknowledge());
     this.element = make(
       "li",
       { class: "trouble" },
       this.sign,
-      make("p", {}, this.kind, this.where, this.what, this.since, this.remedy),
+      make("p", {}, this.kind, this.where, this.what, this.since, this.seen, this.remedy, this.problem),
+      this.button,
     );
   }
 
-  /** @param {Trouble} trouble */
-  show(trouble) {
+  /** Tell the gateway that the alarm was seen; what comes of it stands in the next status. */
+  async acknowledge() {
+    if (this.trouble === null || this.isAsking) {
+      return;
+    }
+    const { kind, where, since } = this.trouble;
+    this.isAsking = true; // a button that is switched off would lose the focus
+    const why = await acknowledged({ kind, where, since });
+    this.isAsking = false;
+    setText(this.problem, why);
+    setText(byId("say-alert"), why);
+  }
+
+  /**
+   * @param {Trouble} trouble
+   * @param {boolean} mayAcknowledge
+   */
+  show(trouble, mayAcknowledge) {
+    const seen = trouble.acknowledged ?? null;
+    const hadFocus = document.activeElement === this.button;
+    this.trouble = trouble;
+    show(this.seen, seen !== null);
+    setText(this.seen, seen === null ? "" : `acknowledged by ${seen.by}, ${timeOfDay(seen.at)}`);
+    show(this.button, mayAcknowledge && seen === null);
+    if (seen !== null) {
+      setText(this.problem, "");
+      if (hadFocus) {
+        byId("banner").focus(); // the button that had it is gone
+      }
+    }
+    setAttribute(this.button, "aria-label", `Acknowledge: ${trouble.where}, ${trouble.what}`);
     const isError = trouble.severity === "error";
-    setAttribute(this.element, "class", `trouble ${isError ? "error" : "warning"}`);
+    setAttribute(this.element, "class", `trouble ${isError ? "error" : "warning"}${seen ? " acknowledged" : ""}`);
     setSign(this.sign, isError ? "error" : "warning");
     setText(this.kind, isError ? "Error: " : "Warning: ");
     setText(this.where, capital(trouble.where));

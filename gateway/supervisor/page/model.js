@@ -43,7 +43,7 @@
  *             `cuts_off`: nobody knows where it is
  *
  * @typedef {{ kind: string, severity: string, where: string, what: string, remedy: string, since?: string,
- *             audience?: string }} Trouble
+ *             audience?: string, acknowledged?: { by: string, at: string } | null }} Trouble
  *
  * @typedef {{ gateway: { name: string, version: string, uptime_s: number | null, relay: string,
  *                        snapshot_age_s: number | null, latency_bounds_us?: number[] },

@@ -11,6 +11,7 @@ import { Latency } from "./latency.js";
 import { LineCard } from "./line_cards.js";
 import { isFresh } from "./model.js";
 import { showSession } from "./session.js";
+import { Sound } from "./sound.js";
 import { Stream } from "./stream.js";
 import { Tables } from "./tables.js";
 
@@ -22,6 +23,8 @@ class Page {
     this.events = new EventList();
     this.latency = new Latency();
     this.frames = new Frames();
+    this.sound = new Sound();
+    void showSession(() => this.banner.allow());
     /** @type {Map<string, AxisCard>} */
     this.axes = new Map();
     /** @type {Map<string, LineCard>} */
@@ -40,6 +43,7 @@ class Page {
     this.stream = new Stream("events", "status", {
       status: (model) => {
         this.model = model;
+        this.sound.hear(ofOperator(model));
         this.showMark();
         this.drawSoon();
       },
@@ -114,6 +118,7 @@ class Page {
   /** @param {number | null} silentMs */
   showSilence(silentMs) {
     this.isSilent = silentMs !== null;
+    this.sound.hearSilence(this.isSilent);
     this.banner.showSilence(silentMs, this.model !== null);
     setAttribute(document.body, "data-link", this.isSilent ? "lost" : "live");
     this.showLink();
@@ -199,5 +204,4 @@ function offerColours() {
 }
 
 offerColours();
-void showSession();
 new Page();

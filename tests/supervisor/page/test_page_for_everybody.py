@@ -174,20 +174,34 @@ def test_everything_is_reached_with_the_keyboard_and_shows_where_it_is(visit: Vi
     visit.until_text("#more", "Show 2 more")
     visit.page.wait_for_selector("article.axis summary")
     reached = []
-    for _ in range(12):
+    for _ in range(16):
         visit.page.keyboard.press("Tab")
         reached.append(
             visit.page.evaluate(
                 """() => {
                   const at = document.activeElement;
-                  const marked = at.matches("input") ? at.nextElementSibling : at;
+                  const marked = at.matches("input[type=radio]") ? at.nextElementSibling : at;
                   const style = getComputedStyle(marked);
                   const isMarked = style.outlineStyle === "solid" && parseFloat(style.outlineWidth) >= 2;
                   return isMarked ? at.id || at.className || at.name || at.localName : "";
                 }"""
             )
         )
-    wanted = ["skip", "theme", "more", "summary", "latency-of", "card figures", "severity", "events-frame"]
+    wanted = [
+        "skip",
+        "sound",
+        "theme",
+        "more",
+        "pointer-slider",
+        "past-span",
+        "past-file",
+        "pointer-slider",
+        "summary",
+        "latency-of",
+        "card figures",
+        "severity",
+        "events-frame",
+    ]
     assert reached[: len(wanted)] == wanted
 
 
@@ -213,7 +227,12 @@ def test_a_screen_reader_finds_its_way(visit: Visit) -> None:
         ("heading", "Axis x"),
         ("heading", "Line xyz"),
         ("img", "Correction of axis x over its travel"),
-        ("img", "Last ten minutes of axis x"),
+        ("img", "Last 10 minutes of axis x"),
+        ("slider", "Correction of axis x at a position"),
+        ("slider", "Axis x at a time"),
+        ("combobox", "Span of the past of axis x"),
+        ("link", "Axis x, last 10 minutes, as CSV file"),
+        ("button", "Sound: off"),
         ("img", "Time in the gateway, axis x"),
         ("combobox", "Show times of"),
         ("radio", "All"),
