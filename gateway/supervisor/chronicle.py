@@ -32,6 +32,17 @@ class Seen:
     """Its state, as the status says it."""
 
 
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where an axis was sent last, on the controller's scale; None: it has no target."""
+
+    nominal: float | None
+    at_s: float
+    """When it was seen first."""
+    is_older: bool
+    """It was there before anybody looked."""
+
+
 class Chronicle:
     """The recent past; times in seconds are those of ``time.monotonic``."""
 
@@ -39,7 +50,10 @@ class Chronicle:
         self.acknowledged = Acknowledged()
         self._since: dict[tuple[str, Place], str] = {}
         self._found: Sequence[Trouble] = ()
+        self._words: dict[tuple[str, ...], tuple[str, str]] = {}
+        """By what it is about: what is said of it, and since when."""
         self._last: dict[str, Seen] = {}
+        self._targets: dict[str, Target] = {}
         self._history: dict[str, deque[Seen]] = {}
         self._snapshot: Mapping[str, Any] | None = None
 
@@ -73,6 +87,17 @@ class Chronicle:
                 return self.acknowledged.add(each, since, by, now)
         return None
 
+    def since_of(self, trouble: Trouble) -> str:
+        """Return since when a trouble is there that was stamped, as ISO 8601."""
+        return self._since[trouble.entry.kind, trouble.place]
+
+    def since(self, about: tuple[str, ...], word: str) -> str:
+        """Return since when the same is said of something, as ISO 8601; not from before this process."""
+        before = self._words.get(about)
+        if before is None or before[0] != word:
+            before = self._words[about] = word, datetime.now(UTC).isoformat(timespec="seconds")
+        return before[1]
+
     def take(self, snapshot: Mapping[str, Any] | None, now_s: float) -> None:
         """Keep where the axes are, of a snapshot that has not been taken yet."""
         if snapshot is None or snapshot is self._snapshot:
@@ -81,10 +106,15 @@ class Chronicle:
         for name in self._history.keys() - snapshot["axes"].keys():
             del self._history[name]
             self._last.pop(name, None)
+            self._targets.pop(name, None)
+            self._words.pop((name,), None)
         for name, axis in snapshot["axes"].items():
             seen = _seen(axis, now_s)
             if seen.nominal is not None:
                 self._last[name] = seen
+            nominal, before = axis.get("nominal_setpoint"), self._targets.get(name)
+            if before is None or before.nominal != nominal:
+                self._targets[name] = Target(nominal, now_s, before is None)
             kept = self._history.setdefault(name, deque(maxlen=int(HISTORY_S / EVERY_S)))
             if not kept or seen.at_s - kept[-1].at_s >= EVERY_S - EARLY_S:
                 kept.append(seen)
@@ -96,6 +126,13 @@ class Chronicle:
             return None
         age_s = round(now_s - seen.at_s, 1)
         return {"nominal": seen.nominal, "corrected": seen.corrected, "age_s": age_s}
+
+    def target(self, axis: str, now_s: float) -> dict[str, Any] | None:
+        """Return how old the target of an axis is; None where it has none."""
+        target = self._targets.get(axis)
+        if target is None or target.nominal is None:
+            return None
+        return {"age_s": round(now_s - target.at_s, 1), "is_at_least": target.is_older}
 
     def history(self, axis: str) -> Sequence[Seen] | None:
         """Return the last ten minutes of an axis, oldest first; None: nothing is known of it."""

@@ -311,6 +311,7 @@ class Supervisor:
                 tables=self._book.entries(self._watch.moving),
                 supervisor=self._own_status(),
                 chronicle=self._chronicle,
+                silent_after_s={} if loaded is None else loaded.sections.silent_after_s,
             )
         )
 

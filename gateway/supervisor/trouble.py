@@ -1,7 +1,8 @@
 """What is wrong right now, worked out of the status model, worst first: what, where, since when, what to do.
 
-The page's banner, the terminal, ``/healthz``, MQTT, metrics and alerts all go by this list. What only follows
-from something worse is left out as long as that lasts (``catalogue.troubles.HIDES``).
+The page's banner, the terminal, ``/healthz``, MQTT, metrics and alerts all show this list, and
+``supervisor.verdict`` makes one word of it. What only follows from something worse is left out as long as
+that lasts (``catalogue.troubles.HIDES``).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -9,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from gateway.catalogue import troubles as kinds
-from gateway.catalogue.entry import Audience, Severity, TroubleEntry
-from gateway.catalogue.troubles import FEWEST_ASKED, SILENT_S
+from gateway.catalogue.entry import Severity, TroubleEntry
+from gateway.catalogue.troubles import CONTROLLER_SILENT_S, FEWEST_ASKED, SILENT_S
 from gateway.times import span
 
 STALE_S: Final = 2.0
@@ -59,12 +60,21 @@ class Trouble:
         is_within = place[: len(self.place)] == self.place
         return is_within and entry in kinds.HIDES.get(self.entry, ())
 
+    def of_axis(self) -> dict[str, Any]:
+        """Return what an axis has of it, as plain data."""
+        return {
+            "kind": self.entry.kind,
+            "severity": self.entry.severity.value,
+            "title": self.entry.title,
+            "cuts_off": self.entry.cuts_off,
+        }
+
     def as_data(self, since: str) -> dict[str, Any]:
         """Return it as plain data; ``since`` as ISO 8601."""
         return {
             "kind": self.entry.kind,
             "severity": self.entry.severity.value,
-            "audience": self.entry.audience.value,
+            "audience": "operator",  # of all: whoever filtered by it sees every trouble
             "where": self.where,
             "what": self.what,
             "remedy": self.entry.remedy,
@@ -84,7 +94,7 @@ def troubles(model: Mapping[str, Any]) -> list[Trouble]:
             for name, axis in model["axes"].items()
             for trouble in _of_axis(name, axis, places.get(name, ("?", "?", name)))
         ),
-        *_of_supervisor(model["supervisor"]),
+        *_of_supervisor(model["supervisor"], tuple(model["axes"])),
     ]
     causes = [
         trouble for trouble in found if not any(other.hides(trouble.entry, trouble.place) for other in found)
@@ -100,19 +110,16 @@ def is_hidden(kind: str, place: Place, found: Sequence[Trouble]) -> bool:
     return entry is not None and any(other.hides(entry, place) for other in found)
 
 
-def of_axis(found: Sequence[Trouble], axis: str) -> dict[str, Any] | None:
-    """Return the worst that says something of an axis, for the operator; None: nothing is wrong with it."""
-    for trouble in found:
-        if axis in trouble.axes and trouble.entry.audience is Audience.OPERATOR:
-            entry = trouble.entry
-            severity = entry.severity.value
-            return {
-                "kind": entry.kind,
-                "severity": severity,
-                "title": entry.title,
-                "cuts_off": entry.cuts_off,
-            }
-    return None
+def is_fresh(model: Mapping[str, Any]) -> bool:
+    """Whether what the relay told is of now: nobody may take an old position for the place of a machine."""
+    gateway = model["gateway"]
+    age_s = gateway["snapshot_age_s"]
+    return gateway["relay"] == "up" and age_s is not None and age_s <= STALE_S
+
+
+def of_axis(found: Sequence[Trouble], axis: str) -> Trouble | None:
+    """Return the worst that says something of an axis; None: nothing is wrong with it."""
+    return next((trouble for trouble in found if axis in trouble.axes), None)
 
 
 def _axes_named(axes: Sequence[str]) -> str:
@@ -146,7 +153,7 @@ def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
         )
         yield Trouble(kinds.LINE_DOWN, place, where, what, axes)
     if echo := line["drives"].get("echo"):
-        yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{line['drives']['address']}: {echo}")
+        yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{line['drives']['address']}: {echo}", axes)
     unit_ids = line.get("unit_ids", _NOT_TOLD)
     malformed = line.get("minute", {}).get("malformed", 0)
     if malformed:
@@ -159,6 +166,7 @@ def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
     yield from _of_damage(name, line)
     for controller in line.get("controllers", ()):
         yield from _of_controller(name, controller, unit_ids)
+    yield from _of_silence(name, line, axes)
     yield from _of_unit_ids(name, line)
 
 
@@ -228,6 +236,11 @@ def _of_controller(
 ) -> Iterator[Trouble]:
     name = controller["name"]
     place, where = (line, f"controller {name}"), f"line {line}, controller {name}"
+    axes = tuple(unit_ids["axes"])
+    if controller.get("state") == "down" and controller.get("role") == "motion":
+        failure = f": {controller['failure']}" if controller.get("failure") else ""
+        what = f"{controller['address']} is not open{failure}"
+        yield Trouble(kinds.PORT_CLOSED, place, where, what, axes)
     if "whole" in controller:
         whole, damaged = controller["whole"], controller["damaged"]
         minute = controller["minute"]
@@ -236,18 +249,61 @@ def _of_controller(
             what = (
                 f"{damaged} of {damaged} frames from {controller['address']} were damaged, not one was whole"
             )
-            yield Trouble(kinds.CONTROLLER_GARBLED, place, where, what)
+            yield Trouble(kinds.CONTROLLER_GARBLED, place, where, what, axes)
         if minute["damaged"] >= FEWEST_DAMAGED and minute["damaged"] >= DAMAGED_SHARE * frames:
             share = f"{minute['damaged']} of {frames} frames"
             what = f"{share} from {controller['address']} were damaged in the last minute"
-            yield Trouble(kinds.CONTROLLER_DAMAGED, place, where, what)
+            yield Trouble(kinds.CONTROLLER_DAMAGED, place, where, what, axes)
     asked = unit_ids.get("asked_by", {}).get(name, [])
     strangers = [of for of in asked if of in unit_ids["strangers"]]
     if strangers and strangers == asked and unit_ids["axes"] and controller.get("role") == "motion":
         ids = f"unit id {', '.join(map(str, strangers))}"
         there = ", ".join(f"axis {axis} (unit id {of})" for axis, of in unit_ids["axes"].items())
         what = f"it talks only to {ids}, which has no axis, and no axis hears it; there are {there}"
-        yield Trouble(kinds.UNHEARD_CONTROLLER, place, where, what)
+        yield Trouble(kinds.UNHEARD_CONTROLLER, place, where, what, axes)
+
+
+def _of_silence(name: str, line: Mapping[str, Any], axes: tuple[str, ...]) -> Iterator[Trouble]:
+    """Say which controllers ought to be there and ask for nothing.
+
+    A controller with a ``silent_after_s`` of its own is held to that. The other motion controllers of a line
+    count together: the line has one as long as any motion controller asks.
+    """
+    controllers = line.get("controllers", ())
+    for controller in controllers:
+        limit_s = controller.get("silent_after_s")
+        if limit_s and "silent_s" in controller and controller["silent_s"] >= limit_s:
+            where = f"line {name}, controller {controller['name']}"
+            yield _silent((controller,), (name, f"controller {controller['name']}"), where, axes)
+    moving = [each for each in controllers if each.get("role") == "motion" and "silent_s" in each]
+    bound = tuple(each for each in moving if each.get("silent_after_s") is None)
+    if bound and min(each["silent_s"] for each in moving) >= CONTROLLER_SILENT_S:
+        if len(bound) == 1:
+            where = f"line {name}, controller {bound[0]['name']}"
+            yield _silent(bound, (name, f"controller {bound[0]['name']}"), where, axes)
+        else:
+            yield _silent(bound, (name,), f"line {name}", axes)
+
+
+def _silent(
+    controllers: Sequence[Mapping[str, Any]], place: Place, where: str, axes: tuple[str, ...]
+) -> Trouble:
+    silent_s = min(each["silent_s"] for each in controllers)
+    is_there = any(
+        each["connections"] if "connections" in each else each["state"] == "up" for each in controllers
+    )
+    has_asked = any(each["asked_s"] is not None for each in controllers)
+    since = f"for {span(silent_s)}" if has_asked else f"since the gateway was started {span(silent_s)} ago"
+    if len(controllers) == 1:
+        way = "it is connected" if "connections" in controllers[0] else "its port is open"
+        how = way if is_there else "no controller: it is not connected"
+        what = f"{how}, and it has asked for nothing {since}"
+    else:
+        names = ", ".join(each["name"] for each in controllers)
+        how = "" if is_there else f"no controller: none of {names} is connected, and "
+        what = f"{how}none of {'them' if how else names} has asked for anything {since}"
+    entry = kinds.CONTROLLER_SILENT if is_there else kinds.CONTROLLER_ABSENT
+    return Trouble(entry, place, where, what, axes, silent_s)
 
 
 def _of_unit_ids(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
@@ -351,8 +407,18 @@ def _named(axes: Sequence[str]) -> str:
     return f"axis {axes[0]} is" if len(axes) == 1 else f"one of the axes {', '.join(axes)} is"
 
 
-def _of_supervisor(supervisor: Mapping[str, Any]) -> Iterator[Trouble]:
+_OF_AXES: Final = (kinds.CONFIGURATION, kinds.TABLES_FOLDER, kinds.STATE_FOLDER)
+"""What of the supervisor's an axis hangs on: which table it has, and what of it survives a start."""
+
+
+def _of_supervisor(supervisor: Mapping[str, Any] | None, axes: tuple[str, ...]) -> Iterator[Trouble]:
+    if supervisor is None:
+        yield Trouble(
+            kinds.SUPERVISOR_DOWN, ("supervisor",), "supervisor", kinds.SUPERVISOR_DOWN.meaning, axes
+        )
+        return
     for entry in kinds.OF_SUPERVISOR:
         problem = supervisor[entry.kind]["problem"]
         if problem:
-            yield Trouble(entry, (entry.kind,), entry.kind.replace("_", " "), problem)
+            its = axes if entry in _OF_AXES else ()
+            yield Trouble(entry, (entry.kind,), entry.kind.replace("_", " "), problem, its)

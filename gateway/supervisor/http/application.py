@@ -26,6 +26,7 @@ from gateway.supervisor.http.page_files import PageFile, read_page
 from gateway.supervisor.http.streaming import EndlessResponse
 from gateway.supervisor.http.tables import Tables
 from gateway.supervisor.http.window import Window
+from gateway.supervisor.verdict import State
 
 PATHS: Final = (
     "/",
@@ -124,12 +125,18 @@ class Served:
         return problem(503, NOTHING_YET) if model is None else raw_json(self._models.encoded(model))
 
     async def _healthz(self, request: Request) -> Response:
-        reasons = why_unhealthy(self._window.feeds.model)
+        """Answer 200 as long as commands reach the drives; the text is the verdict, with what is wrong."""
+        model = self._window.feeds.model
+        reasons = why_unhealthy(model)
         if reasons and is_stranger(request):
             return problem(503, "not well; whoever shows a token is told why")
-        if reasons:
+        if reasons or model is None:
             return json_answer({"problems": reasons}, 503)
-        return PlainTextResponse("ok\n", headers=NO_STORE)
+        state = model["verdict"]["state"]
+        lines = ["ok" if state == State.HEALTHY.value else state]
+        if not is_stranger(request):
+            lines += [f"{each['severity']}: {each['where']}: {each['what']}" for each in model["troubles"]]
+        return PlainTextResponse("".join(f"{line}\n" for line in lines), headers=NO_STORE)
 
     async def _metrics_page(self, request: Request) -> Response:
         body, media_type = self._metrics.page(request.headers.get("accept", ""))

@@ -7,7 +7,7 @@ import { NOT_KNOWN, fixed, scaleOf, span, timeOfDay } from "./figures.js";
 import { History } from "./history.js";
 import { Pointer } from "./pointer.js";
 import { Terms } from "./terms.js";
-import { compensation, direction, table as tableState } from "./words.js";
+import { compensation, direction, table as tableState, verdict } from "./words.js";
 
 /**
  * @typedef {import("./model.js").Axis} Axis
@@ -41,7 +41,8 @@ export class AxisCard {
     );
     this.stateSign = sign("info");
     this.stateWords = make("span");
-    this.state = make("p", { class: "state" }, this.stateSign, this.stateWords);
+    this.stateSince = make("span", { class: "since" });
+    this.state = make("p", { class: "state" }, this.stateSign, this.stateWords, this.stateSince);
     this.positionName = make("span", { class: "reading-name", text: "Position" });
     this.position = make("span", { class: "digits" });
     this.units = make("span", { class: "units" });
@@ -156,26 +157,22 @@ export class AxisCard {
     this.axis = axis;
     const scale = scaleOf(axis.units);
     const state = stateOf(axis);
-    const isKnown = !axis.trouble?.cuts_off;
-    setAttribute(this.element, "data-tone", axis.table.status === "rejected" ? "error" : state.tone);
-    setAttribute(this.element, "data-known", isKnown ? "yes" : "no");
+    const { position } = axis;
+    const isRead = position.of === "reading";
+    setAttribute(this.element, "data-tone", state.tone);
+    setAttribute(this.element, "data-known", isRead ? "yes" : "no");
     setAttribute(this.state, "class", `state ${state.tone}`);
     setSign(this.stateSign, state.sign);
     setText(this.stateWords, state.words);
+    setText(this.stateSince, `since ${timeOfDay(axis.verdict.since)}`);
 
-    const last = isKnown ? null : axis.last_seen;
-    const isRead = axis.nominal_actual !== null || Boolean(last);
-    const nominal = last ? last.nominal : (axis.nominal_actual ?? axis.nominal_setpoint);
-    const written = axis.compensation === "shadow" ? axis.nominal_setpoint : axis.corrected_setpoint;
-    const corrected = last ? last.corrected : isRead ? axis.corrected_actual : written;
-    const name = last ? `Last seen ${span(last.age_s)} ago` : isRead ? "Position" : "Target (position not read)";
-    setText(this.positionName, name);
-    const digits = fixed(nominal, scale.decimals);
+    setText(this.positionName, nameOf(position));
+    const digits = fixed(position.nominal, scale.decimals);
     setText(this.position, digits);
     setAttribute(this.big, "class", digits.length > LONG ? "position long" : "position");
     setText(this.units, scale.units);
-    setText(this.corrected, withUnits(fixed(corrected, scale.decimals), scale.units));
-    const correction = last && last.corrected !== null ? last.corrected - last.nominal : correctionOf(axis);
+    setText(this.corrected, withUnits(fixed(position.corrected, scale.decimals), scale.units));
+    const correction = correctionOf(axis);
     setText(
       this.correction,
       withUnits(fixed(correction === null ? null : correction * scale.perUnit, scale.smallDecimals, true), scale.small),
@@ -184,7 +181,7 @@ export class AxisCard {
       this.terms ??= new Terms(this.correctionRow);
     }
     this.terms?.show(axis.terms, axis.units);
-    show(this.targetRow, isRead);
+    show(this.targetRow, position.of !== "target");
     setText(this.target, withUnits(fixed(axis.nominal_setpoint, scale.decimals), scale.units));
     const way = direction(axis.direction);
     setSign(this.directionSign, way.sign);
@@ -196,8 +193,8 @@ export class AxisCard {
     setText(this.writer, axis.writer ?? "");
     this.showTable(axis);
     this.showCurve(axis);
-    this.curve.move(this.placeOf(nominal, correction));
-    this.history.add(isKnown ? axis.nominal_actual : null, isKnown ? correction : null, now, scale);
+    this.curve.move(this.placeOf(position.nominal, correction));
+    this.history.add(isRead ? position.nominal : null, isRead ? correction : null, now, scale);
   }
 
   /**
@@ -314,17 +311,30 @@ export class AxisCard {
 }
 
 /**
- * What an axis is like: only as good as drive, line, relay and supervisor together. A trouble without a title
- * leaves the compensation as it is, or is called as it.
+ * The verdict on an axis, in words. Where it has no title the state of the compensation says it.
  * @param {Axis} axis
  * @returns {import("./words.js").State}
  */
-function stateOf({ trouble, compensation: state }) {
-  if (!trouble?.title) {
-    return compensation(state);
+function stateOf({ verdict: found, compensation: state }) {
+  const of = compensation(state);
+  const { sign: name, tone } = verdict(found.state);
+  const isOwn = !found.title && (found.state === "healthy" || of.tone === tone);
+  return { words: found.title || of.words, sign: isOwn ? of.sign : name, tone };
+}
+
+/**
+ * What the large number is.
+ * @param {import("./model.js").Position} position
+ */
+function nameOf({ of, age_s: age, is_at_least: isAtLeast }) {
+  if (of === "reading") {
+    return "Position";
   }
-  const name = trouble.severity === "error" ? "error" : "warning";
-  return { words: trouble.title, sign: name, tone: name };
+  if (of === null || age === null) {
+    return "Position not known";
+  }
+  const ago = `${isAtLeast ? "more than " : ""}${span(age)} ago`;
+  return of === "target" ? `Target of ${ago} (position not read)` : `Last seen ${ago}`;
 }
 
 /**
@@ -332,11 +342,10 @@ function stateOf({ trouble, compensation: state }) {
  * mode, where the drive shows nothing of it.
  * @param {Axis} axis
  */
-function correctionOf(axis) {
-  if (axis.compensation !== "shadow" && axis.nominal_actual !== null && axis.corrected_actual !== null) {
-    return axis.corrected_actual - axis.nominal_actual;
-  }
-  return axis.correction;
+function correctionOf({ position, compensation: state, correction }) {
+  const { of, nominal, corrected } = position;
+  const isRead = of === "reading" || of === "last-reading";
+  return isRead && state !== "shadow" && nominal !== null && corrected !== null ? corrected - nominal : correction;
 }
 
 /**

@@ -1,19 +1,22 @@
 // @ts-check
-// What is wrong and what to do, or that all is well; and that the page itself hears nothing.
+// How the gateway is, in one word; what is wrong and what to do; and that the page itself hears nothing.
 
 import { byId, keepChildren, make, setAttribute, setSentence, setSign, setText, show, sign } from "./dom.js";
 import { span, timeOfDay } from "./figures.js";
 import { acknowledged } from "./session.js";
-import { capital } from "./words.js";
+import { capital, verdict as inWords } from "./words.js";
 
 const AT_FIRST = matchMedia("(max-width: 40rem)").matches ? 2 : 4; // the axes should stay in sight
 
-/** @typedef {import("./model.js").Trouble} Trouble */
+/**
+ * @typedef {import("./model.js").Trouble} Trouble
+ * @typedef {import("./model.js").Verdict} Verdict
+ */
 
 export class Banner {
   constructor() {
     this.list = byId("troubles");
-    this.well = byId("well");
+    this.verdict = byId("verdict");
     this.lost = byId("lost");
     this.more = byId("more");
     this.sayAlert = byId("say-alert");
@@ -30,8 +33,10 @@ export class Banner {
     this.lostWhat = make("strong");
     this.lostHow = make("span", { class: "remedy" });
     this.lost.append(sign("error"), make("p", {}, this.lostWhat, this.lostHow));
-    this.wellWords = make("span");
-    this.well.append(sign("ok"), this.wellWords);
+    this.verdictSign = sign("wait");
+    this.verdictWord = make("strong");
+    this.verdictAbout = make("span", { class: "about" });
+    this.verdict.append(this.verdictSign, this.verdictWord, this.verdictAbout);
     this.more.addEventListener("click", () => {
       this.isOpen = !this.isOpen;
       this.draw();
@@ -39,13 +44,18 @@ export class Banner {
   }
 
   /**
+   * @param {Verdict} verdict
    * @param {Trouble[]} troubles worst first
-   * @param {string} allWell
+   * @param {string} about what there is, as `2 lines, 3 axes`
    */
-  show(troubles, allWell) {
+  show(verdict, troubles, about) {
     this.troubles = troubles;
-    setText(this.wellWords, allWell);
-    this.say(allWell);
+    const { words, sign: name, tone } = inWords(verdict.state);
+    setAttribute(this.verdict, "class", `verdict ${tone}`);
+    setSign(this.verdictSign, name);
+    setText(this.verdictWord, words);
+    setText(this.verdictAbout, `since ${timeOfDay(verdict.since)} · ${counted(verdict) || about}`);
+    this.say(`${words}: ${about}.`);
     this.draw();
   }
 
@@ -70,7 +80,7 @@ export class Banner {
 
   draw() {
     show(this.lost, this.isLost);
-    show(this.well, this.troubles.length === 0 && !this.isLost && this.said !== null);
+    show(this.verdict, !this.isLost && this.said !== null);
     const seen = this.isOpen ? this.troubles : this.troubles.slice(0, AT_FIRST);
     const hidden = this.troubles.length - Math.min(this.troubles.length, AT_FIRST);
     /** @type {Map<string, Trouble>} */
@@ -99,9 +109,9 @@ export class Banner {
 
   /**
    * Have a screen reader say what is new; not again what only changed its words.
-   * @param {string} allWell
+   * @param {string} noTrouble what to say when the last trouble is over
    */
-  say(allWell) {
+  say(noTrouble) {
     const now = new Set(this.troubles.map(keyOf));
     const before = this.said;
     this.said = now;
@@ -112,7 +122,7 @@ export class Banner {
       setText(isError ? this.sayAlert : this.sayStatus, words.join(" ").replaceAll("`", ""));
     } else if (now.size === 0 && before?.size) {
       setText(this.sayAlert, "");
-      setText(this.sayStatus, allWell);
+      setText(this.sayStatus, noTrouble);
     }
   }
 }
@@ -181,6 +191,19 @@ class TroubleItem {
     setText(this.since, trouble.since ? `since ${timeOfDay(trouble.since)}` : "");
     setSentence(this.remedy, capital(trouble.remedy));
   }
+}
+
+/**
+ * How many things are wrong, as `1 error, 2 warnings`; empty where nothing is.
+ * @param {Verdict} verdict
+ */
+function counted({ errors, warnings }) {
+  return [
+    errors ? `${errors} ${errors === 1 ? "error" : "errors"}` : "",
+    warnings ? `${warnings} ${warnings === 1 ? "warning" : "warnings"}` : "",
+  ]
+    .filter(Boolean)
+    .join(", ");
 }
 
 /** @param {Trouble} trouble */

@@ -1,10 +1,9 @@
 // @ts-check
 // What the gateway itself takes: one axis or line as a histogram, all of them as figures beside their budget.
 
-import { byId, keepChildren, make, setAttribute, setSentence, setText, show, sign } from "./dom.js";
+import { byId, keepChildren, make, setAttribute, setText, show, sign } from "./dom.js";
 import { NOT_KNOWN, count, time } from "./figures.js";
 import { Histogram } from "./histogram.js";
-import { capital } from "./words.js";
 
 /**
  * @typedef {import("./model.js").Model} Model
@@ -29,9 +28,7 @@ export class Latency {
     this.rows = new Map();
     /** @type {Map<string, HTMLElement>} */
     this.options = new Map();
-    this.notes = make("ul", { class: "problems" });
     this.room.append(
-      this.notes,
       make("figure", { class: "card times" }, this.drawing, this.none, caption()),
       make(
         "div",
@@ -61,14 +58,6 @@ export class Latency {
       this.rows.get(measured.key)?.show(measured);
       setText(/** @type {HTMLElement} */ (this.options.get(measured.key)), measured.words);
     }
-    const notes = model.troubles.filter((trouble) => trouble.audience === "retrofitter");
-    const words = notes.map(({ where, what, remedy }) => `${where}: ${what}. ${remedy}`);
-    if (this.notes.dataset.key !== words.join("\n")) {
-      this.notes.dataset.key = words.join("\n");
-      this.notes.replaceChildren(...words.map(() => make("li")));
-      words.forEach((text, number) => setSentence(this.notes.children[number], capital(text)));
-    }
-    show(this.notes, words.length > 0);
     show(this.choice, all.length > 1);
     const shown = byKey.get(this.chosen) ?? all.find((measured) => measured.isOver) ?? all[0];
     if (shown && this.select.value !== shown.key) {

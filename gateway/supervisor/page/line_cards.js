@@ -2,7 +2,7 @@
 // Each line: whether its drives are reached, how much passes, and what went wrong on it.
 
 import { keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
-import { NOT_KNOWN, count, time } from "./figures.js";
+import { NOT_KNOWN, count, span, time } from "./figures.js";
 import { STALE_S } from "./model.js";
 
 /**
@@ -29,6 +29,8 @@ const AWAY = { words: "", sign: "off", tone: "note" };
 const BROKEN = { words: "", sign: "error", tone: "error" };
 /** @type {Record<string, import("./words.js").State>} */
 const OF_SEVERITY = { error: BROKEN, warning: { words: "", sign: "warning", tone: "warning" } };
+const OF_ALL = new Set(["controller-absent", "controller-silent"]); // of all motion controllers of a line together
+const QUIET_S = 5;
 const RATE_MS = 3000;
 const FRESH_MS = 60_000;
 
@@ -71,7 +73,7 @@ export class LineCard {
    * @param {import("./model.js").Trouble[]} troubles
    */
   show(line, now, isKnown, troubles) {
-    const state = isKnown ? stateOfLine(line) : UNKNOWN;
+    const state = isKnown ? stateOfLine(line, this.troublesOf(troubles)) : UNKNOWN;
     setAttribute(this.state, "class", `state ${state.tone}`);
     setAttribute(this.element, "data-tone", state.tone);
     setSign(this.stateSign, state.sign);
@@ -87,9 +89,21 @@ export class LineCard {
     keepChildren(this.list, this.controllers, [...byName.keys()], () => new ControllerRow(), (row) => row.element);
     for (const [name, controller] of byName) {
       const where = `line ${this.name}, controller ${name}`;
-      const trouble = troubles.find((each) => each.where === where);
+      const isMissed = controller.role === "motion";
+      const trouble = troubles.find(
+        (each) => each.where === where || (isMissed && OF_ALL.has(each.kind) && each.where === `line ${this.name}`),
+      );
       this.controllers.get(name)?.show(controller, isKnown, trouble);
     }
+  }
+
+  /**
+   * What is wrong on this line, its controllers and unit ids included.
+   * @param {import("./model.js").Trouble[]} troubles
+   */
+  troublesOf(troubles) {
+    const where = `line ${this.name}`;
+    return troubles.filter((each) => each.where === where || each.where.startsWith(`${where}, `));
   }
 
   /**
@@ -157,7 +171,7 @@ class ControllerRow {
     setText(this.name, controller.name);
     setText(this.role, controller.tls ? "by certificate" : controller.role);
     const isGarbled = trouble?.kind === "controller-garbled";
-    setText(this.state, !isKnown ? "not known" : `${isGarbled ? "not understood: " : ""}${stateOf(controller)}`);
+    setText(this.state, !isKnown ? "not known" : `${isGarbled ? "not understood: " : ""}${stateOf(controller)}${quietOf(controller)}`);
     const address = Array.isArray(controller.address) ? controller.address.join(", ") : controller.address;
     setText(this.address, address);
     setAttribute(this.element, "title", `time in the gateway: p99 ${time(controller.gateway_us.p99)}`);
@@ -167,9 +181,10 @@ class ControllerRow {
 
 /**
  * @param {Line} line
+ * @param {import("./model.js").Trouble[]} troubles of this line, worst first
  * @returns {import("./words.js").State}
  */
-function stateOfLine(line) {
+function stateOfLine(line, troubles) {
   if (line.state !== "up") {
     return { words: "Down", sign: "error", tone: "error" };
   }
@@ -180,7 +195,21 @@ function stateOfLine(line) {
   if (silent) {
     return { words: `${silent} of ${own.length} drives silent`, sign: "error", tone: "error" };
   }
+  if (troubles.length) {
+    return { ...(OF_SEVERITY[troubles[0].severity] ?? BROKEN), words: "Drives up" };
+  }
   return { words: "Up", sign: "ok", tone: "well" };
+}
+
+/**
+ * How long ago a controller that is quiet asked last.
+ * @param {Controller} controller
+ */
+function quietOf({ asked_s: asked, silent_s: silent }) {
+  if (silent === undefined || silent < QUIET_S) {
+    return "";
+  }
+  return asked === null ? ", has not asked yet" : `, asked last ${span(silent)} ago`;
 }
 
 /** @param {Controller} controller */

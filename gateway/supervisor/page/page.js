@@ -43,7 +43,7 @@ class Page {
     this.stream = new Stream("events", "status", {
       status: (model) => {
         this.model = model;
-        this.sound.hear(ofOperator(model));
+        this.sound.hear(model.troubles);
         this.showMark();
         this.drawSoon();
       },
@@ -79,7 +79,7 @@ class Page {
     const runs = gateway.uptime_s === null ? "" : ` · runs for ${span(gateway.uptime_s)}`;
     setText(byId("about"), `pitch-gateway ${gateway.version}${runs}`);
     setAttribute(document.body, "data-fresh", isFresh(model) ? "yes" : "no");
-    this.banner.show(ofOperator(model), allWell(model));
+    this.banner.show(model.verdict, model.troubles, contentsOf(model));
     this.drawAxes(model, now);
     const lines = Object.keys(model.lines);
     keepChildren(byId("lines"), this.lines, lines, (name) => new LineCard(name), (card) => card.element);
@@ -138,19 +138,12 @@ class Page {
 
   /** The tab's name and icon; also while nobody sees the page. */
   showMark() {
-    const troubles = this.model ? ofOperator(this.model) : [];
     const isLost = document.body.dataset.link === "lost";
-    const isBad = isLost || troubles.some((trouble) => trouble.severity === "error");
+    const verdict = isLost ? "no connection" : (this.model?.verdict.state ?? "connecting");
+    const isBad = isLost || verdict === "error";
     setAttribute(byId("favicon"), "href", isBad ? "page/icon-trouble.svg" : "page/icon.svg");
     const name = this.model?.gateway.name ?? "Pitch gateway";
-    const state = isLost
-      ? "no connection"
-      : troubles.length
-        ? `${troubles.length} ${troubles.length === 1 ? "trouble" : "troubles"}`
-        : this.model
-          ? "all is well"
-          : "connecting";
-    const title = `${isBad || troubles.length ? "⚠ " : ""}${name}: ${state}`;
+    const title = `${isBad || verdict === "warning" ? "⚠ " : ""}${name}: ${verdict}`;
     if (document.title !== title) {
       document.title = title;
     }
@@ -158,22 +151,17 @@ class Page {
 }
 
 /**
- * What whoever runs the machine has to know.
+ * What the gateway has, as `2 lines, 3 axes`.
  * @param {Model} model
  */
-function ofOperator(model) {
-  return model.troubles.filter((trouble) => trouble.audience !== "retrofitter");
-}
-
-/** @param {Model} model */
-function allWell(model) {
+function contentsOf(model) {
   const axes = Object.keys(model.axes).length;
   const lines = Object.keys(model.lines).length;
-  const parts = [`${lines} ${lines === 1 ? "line" : "lines"} up`];
+  const parts = [`${lines} ${lines === 1 ? "line" : "lines"}`];
   if (axes) {
     parts.push(`${axes} ${axes === 1 ? "axis" : "axes"}`);
   }
-  return `All is well: ${parts.join(", ")}.`;
+  return parts.join(", ");
 }
 
 /** The switch for light and dark, which this browser remembers. */

@@ -15,6 +15,14 @@ const COMPENSATION = {
   blocked: { words: "Blocked", sign: "error", tone: "error" },
 };
 
+/** @type {Record<string, State>} the verdicts of the gateway, each in one word */
+const VERDICT = {
+  healthy: { words: "Healthy", sign: "ok", tone: "well" },
+  waiting: { words: "Waiting", sign: "wait", tone: "note" },
+  warning: { words: "Warning", sign: "warning", tone: "warning" },
+  error: { words: "Error", sign: "error", tone: "error" },
+};
+
 /** @type {Record<string, State>} */
 const TABLE = {
   active: { words: "in force", sign: "ok", tone: "well" },
@@ -96,6 +104,11 @@ const EVENTS = {
 /** @param {string} state @returns {State} */
 export function compensation(state) {
   return COMPENSATION[state] ?? { words: state, sign: "info", tone: "note" };
+}
+
+/** @param {string} state @returns {State} */
+export function verdict(state) {
+  return VERDICT[state] ?? { words: state, sign: "info", tone: "note" };
 }
 
 /** @param {string} state @returns {State} */
