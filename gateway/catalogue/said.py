@@ -1,6 +1,6 @@
 """A sentence with what differs in it: in English a text like any other, and for others its two parts."""
 
-from typing import Any
+from typing import Any, Self
 
 
 class Said(str):
@@ -15,7 +15,7 @@ class Said(str):
     template: str
     values: dict[str, object]
 
-    def __new__(cls, template: str, **values: object) -> "Said":
+    def __new__(cls, template: str, **values: object) -> Self:
         """Make the sentence; every name between braces has to be in ``values``."""
         made = super().__new__(cls, template.format(**values))
         made.template = template

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from gateway.catalogue import troubles as kinds
 from gateway.catalogue.entry import Severity, TroubleEntry
+from gateway.catalogue.said import Said, said
 from gateway.catalogue.troubles import CONTROLLER_SILENT_S, FEWEST_ASKED, SILENT_S
 from gateway.times import span
 
@@ -77,6 +78,7 @@ class Trouble:
             "audience": "operator",  # of all: whoever filtered by it sees every trouble
             "where": self.where,
             "what": self.what,
+            "says": said(self.what),
             "remedy": self.entry.remedy,
             "since": since,
             "axes": list(self.axes),
@@ -139,7 +141,7 @@ def _of_relay(model: Mapping[str, Any]) -> Iterator[Trouble]:
     if gateway["relay"] != "up":
         yield Trouble(kinds.RELAY_DOWN, (), "gateway", kinds.RELAY_DOWN.meaning, axes)
     elif age_s is not None and age_s > STALE_S:
-        what = f"the relay has said nothing for {span(age_s)}: the machine may not obey"
+        what = Said("the relay has said nothing for {span}: the machine may not obey", span=span(age_s))
         yield Trouble(kinds.RELAY_SILENT, (), "gateway", what, axes, age_s)
 
 
@@ -148,8 +150,10 @@ def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
     axes = tuple(line.get("unit_ids", _NOT_TOLD)["axes"])
     if line["state"] != "up":
         failure = line["drives"]["failure"]
-        what = (
-            f"the drives at {line['drives']['address']} cannot be reached{f': {failure}' if failure else ''}"
+        what = Said(
+            "the drives at {address} cannot be reached{failure}",
+            address=line["drives"]["address"],
+            failure=f": {failure}" if failure else "",
         )
         yield Trouble(kinds.LINE_DOWN, place, where, what, axes)
     if echo := line["drives"].get("echo"):
@@ -157,9 +161,11 @@ def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
     unit_ids = line.get("unit_ids", _NOT_TOLD)
     malformed = line.get("minute", {}).get("malformed", 0)
     if malformed:
-        what = (
-            f"{malformed} answers of the drives at {line['drives']['address']} had a header whose length "
-            "cannot be in the last minute: each ends its connection"
+        what = Said(
+            "{count} answers of the drives at {address} had a header whose length cannot be in the last "
+            "minute: each ends its connection",
+            count=malformed,
+            address=line["drives"]["address"],
         )
         yield Trouble(kinds.DRIVE_MALFORMED, place, where, what, axes)
     yield from _of_drives(name, unit_ids)
@@ -182,29 +188,50 @@ def _of_drives(line: str, unit_ids: Mapping[str, Any]) -> Iterator[Trouble]:
             continue
         axes = tuple(name for name, of in unit_ids["axes"].items() if str(of) == unit_id)
         place = (line, unit_id)
-        tried = "" if drive.get("tried_again_s") is None else ": only a trial goes there from time to time"
+        tried = (
+            "" if drive.get("tried_again_s") is None else Said(": only a trial goes there from time to time")
+        )
         newest = min(asked, NEWEST)
         other_ids = drive.get("other_ids_in_a_row", 0)
         if other_ids and other_ids >= INSTEAD_SHARE * newest:
-            whose = f"its drive (unit id {unit_id})" if axes else f"unit id {unit_id}, which has no axis,"
             where = _axes_named(axes) if axes else f"line {line}, unit id {unit_id}"
-            what = f"{whose} {drive['answers_with']}: no reply has counted for {span(silent_s)}{tried}"
+            what = Said(
+                "{whose} {answers}: no reply has counted for {span}{tried}",
+                whose=Said("its drive (unit id {unit_id})", unit_id=unit_id)
+                if axes
+                else Said("unit id {unit_id}, which has no axis,", unit_id=unit_id),
+                answers=drive["answers_with"],
+                span=span(silent_s),
+                tried=tried,
+            )
             yield Trouble(kinds.OTHER_ID, place, where, what, axes, silent_s)
             continue
         if not axes:
-            what = f"nobody has answered at unit id {unit_id}, which has no axis, for {span(silent_s)}{tried}"
+            what = Said(
+                "nobody has answered at unit id {unit_id}, which has no axis, for {span}{tried}",
+                unit_id=unit_id,
+                span=span(silent_s),
+                tried=tried,
+            )
             if asked >= FEWEST_ASKED:
                 yield Trouble(kinds.UNIT_SILENT, place, f"line {line}, unit id {unit_id}", what, (), silent_s)
             continue
-        whose, where = f"its drive (unit id {unit_id})", _axes_named(axes)
-        never = drive["answered_s"] is None
-        not_answered = "has never answered" if never else "has not answered"
-        what = f"{whose} {not_answered} for {span(silent_s)}{tried}"
+        where, values = _axes_named(axes), {"unit_id": unit_id, "span": span(silent_s), "tried": tried}
+        if drive["answered_s"] is None:
+            what = Said("its drive (unit id {unit_id}) has never answered for {span}{tried}", **values)
+        else:
+            what = Said("its drive (unit id {unit_id}) has not answered for {span}{tried}", **values)
         yield Trouble(kinds.DRIVE_SILENT, place, where, what, axes, silent_s)
         damaged = drive["damaged_in_a_row"]
         if damaged and damaged >= INSTEAD_SHARE * newest:
-            share = f"{damaged} of {newest} answers were damaged"
-            what = f"{whose} cannot be understood for {span(silent_s)}: {share}"
+            what = Said(
+                "its drive (unit id {unit_id}) cannot be understood for {span}: {damaged} of {newest} "
+                "answers were damaged",
+                unit_id=unit_id,
+                span=span(silent_s),
+                damaged=damaged,
+                newest=newest,
+            )
             yield Trouble(kinds.DRIVE_GARBLED, place, where, what, axes, silent_s)
 
 
@@ -223,9 +250,13 @@ def _of_damage(line: str, status: Mapping[str, Any]) -> Iterator[Trouble]:
         if damaged >= FEWEST_DAMAGED and damaged >= DAMAGED_SHARE * frames:
             axes = tuple(name for name, of in status["unit_ids"]["axes"].items() if str(of) == unit_id)
             whose = f" ({', '.join(f'axis {axis}' for axis in axes)})" if axes else ""
-            what = (
-                f"{damaged} answers of unit id {unit_id}{whose} were damaged in the last minute, "
-                f"of {frames} on the line"
+            what = Said(
+                "{damaged} answers of unit id {unit_id}{whose} were damaged in the last minute, of {frames} "
+                "on the line",
+                damaged=damaged,
+                unit_id=unit_id,
+                whose=whose,
+                frames=frames,
             )
             where = f"line {line}, unit id {unit_id}"
             yield Trouble(kinds.DRIVE_DAMAGED, (line, unit_id), where, what, axes)
@@ -239,27 +270,35 @@ def _of_controller(
     axes = tuple(unit_ids["axes"])
     if controller.get("state") == "down" and controller.get("role") == "motion":
         failure = f": {controller['failure']}" if controller.get("failure") else ""
-        what = f"{controller['address']} is not open{failure}"
+        what = Said("{address} is not open{failure}", address=controller["address"], failure=failure)
         yield Trouble(kinds.PORT_CLOSED, place, where, what, axes)
     if "whole" in controller:
         whole, damaged = controller["whole"], controller["damaged"]
         minute = controller["minute"]
         frames = minute["whole"] + minute["damaged"]
         if not whole and damaged >= FEWEST_DAMAGED:
-            what = (
-                f"{damaged} of {damaged} frames from {controller['address']} were damaged, not one was whole"
+            what = Said(
+                "{damaged} of {damaged} frames from {address} were damaged, not one was whole",
+                damaged=damaged,
+                address=controller["address"],
             )
             yield Trouble(kinds.CONTROLLER_GARBLED, place, where, what, axes)
         if minute["damaged"] >= FEWEST_DAMAGED and minute["damaged"] >= DAMAGED_SHARE * frames:
-            share = f"{minute['damaged']} of {frames} frames"
-            what = f"{share} from {controller['address']} were damaged in the last minute"
+            what = Said(
+                "{damaged} of {frames} frames from {address} were damaged in the last minute",
+                damaged=minute["damaged"],
+                frames=frames,
+                address=controller["address"],
+            )
             yield Trouble(kinds.CONTROLLER_DAMAGED, place, where, what, axes)
     asked = unit_ids.get("asked_by", {}).get(name, [])
     strangers = [of for of in asked if of in unit_ids["strangers"]]
     if strangers and strangers == asked and unit_ids["axes"] and controller.get("role") == "motion":
-        ids = f"unit id {', '.join(map(str, strangers))}"
-        there = ", ".join(f"axis {axis} (unit id {of})" for axis, of in unit_ids["axes"].items())
-        what = f"it talks only to {ids}, which has no axis, and no axis hears it; there are {there}"
+        what = Said(
+            "it talks only to unit id {ids}, which has no axis, and no axis hears it; there are {there}",
+            ids=", ".join(map(str, strangers)),
+            there=", ".join(f"axis {axis} (unit id {of})" for axis, of in unit_ids["axes"].items()),
+        )
         yield Trouble(kinds.UNHEARD_CONTROLLER, place, where, what, axes)
 
 
@@ -293,15 +332,25 @@ def _silent(
         each["connections"] if "connections" in each else each["state"] == "up" for each in controllers
     )
     has_asked = any(each["asked_s"] is not None for each in controllers)
-    since = f"for {span(silent_s)}" if has_asked else f"since the gateway was started {span(silent_s)} ago"
-    if len(controllers) == 1:
-        way = "it is connected" if "connections" in controllers[0] else "its port is open"
-        how = way if is_there else "no controller: it is not connected"
-        what = f"{how}, and it has asked for nothing {since}"
+    if has_asked:
+        since = Said("for {span}", span=span(silent_s))
     else:
-        names = ", ".join(each["name"] for each in controllers)
-        how = "" if is_there else f"no controller: none of {names} is connected, and "
-        what = f"{how}none of {'them' if how else names} has asked for anything {since}"
+        since = Said("since the gateway was started {span} ago", span=span(silent_s))
+    names = ", ".join(each["name"] for each in controllers)
+    if len(controllers) > 1 and is_there:
+        what = Said("none of {names} has asked for anything {since}", names=names, since=since)
+    elif len(controllers) > 1:
+        what = Said(
+            "no controller: none of {names} is connected, and none of them has asked for anything {since}",
+            names=names,
+            since=since,
+        )
+    elif not is_there:
+        what = Said("no controller: it is not connected, and it has asked for nothing {since}", since=since)
+    elif "connections" in controllers[0]:
+        what = Said("it is connected, and it has asked for nothing {since}", since=since)
+    else:
+        what = Said("its port is open, and it has asked for nothing {since}", since=since)
     entry = kinds.CONTROLLER_SILENT if is_there else kinds.CONTROLLER_ABSENT
     return Trouble(entry, place, where, what, axes, silent_s)
 
@@ -314,14 +363,18 @@ def _of_unit_ids(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
     unheard = {name: of for name, of in unit_ids["axes"].items() if of not in unit_ids["heard"]}
     if strangers and unheard:
         axes = ", ".join(f"axis {name} (unit_id {of})" for name, of in unheard.items())
-        what = f"controllers talk to unit id {strangers}, which has no axis; {axes} hears nothing"
+        what = Said(
+            "controllers talk to unit id {strangers}, which has no axis; {axes} hears nothing",
+            strangers=strangers,
+            axes=axes,
+        )
         yield Trouble(kinds.WRONG_UNIT_ID, place, where, what, tuple(unheard))
     if unit_ids["requests"]:
         heard = ", ".join(f"{of} ({count} requests)" for of, count in unit_ids["requests"].items())
-        what = f"controllers talk to unit id {heard}, which has no axis"
+        what = Said("controllers talk to unit id {heard}, which has no axis", heard=heard)
         yield Trouble(kinds.UNKNOWN_UNIT, place, where, what)
     if line.get("wrong_units"):
-        what = f"{line['wrong_units']} replies had another unit id than was asked"
+        what = Said("{count} replies had another unit id than was asked", count=line["wrong_units"])
         yield Trouble(kinds.ANSWERS_AS, place, where, what)
 
 
@@ -330,19 +383,25 @@ _OF_COMPENSATION: Final = {entry.kind: entry for entry in kinds.OF_COMPENSATION}
 
 def _of_axis(name: str, axis: Mapping[str, Any], place: Place) -> Iterator[Trouble]:
     where, table, its = f"axis {name}", axis["table"], (name,)
+    what: str
     if table["status"] == "rejected":
-        stays = f"the last good table of {table['points']} points stays" if table["points"] else "no table"
-        yield Trouble(kinds.TABLE_REJECTED, place, where, f"{table['error']} ({stays})", its)
+        error, points = table["error"], table["points"]
+        if points:
+            what = Said("{error} (the last good table of {points} points stays)", error=error, points=points)
+        else:
+            what = Said("{error} (no table)", error=error)
+        yield Trouble(kinds.TABLE_REJECTED, place, where, what, its)
     elif table["status"] == "removed":
-        what = table["error"] or f"{table['file']} is not there: positions pass uncorrected"
-        yield Trouble(kinds.TABLE_REMOVED, place, where, what, its)
+        gone = Said("{file} is not there: positions pass uncorrected", file=table["file"])
+        yield Trouble(kinds.TABLE_REMOVED, place, where, table["error"] or gone, its)
     entry = _OF_COMPENSATION.get(axis["compensation"])
     if entry is not None:
         yield Trouble(entry, place, where, entry.meaning, its)
     yield from _of_rivals(name, axis.get("rivals"), place)
     yield from _of_group(name, axis, place)
     if axis["latency"]["is_over_budget"]:
-        what = f"the gateway takes longer than budget_us = {axis['latency']['budget_us']:g}"
+        budget = f"{axis['latency']['budget_us']:g}"
+        what = Said("the gateway takes longer than budget_us = {budget}", budget=budget)
         yield Trouble(kinds.OVER_BUDGET, place, where, what, its)
     for entry, what in _of_terms(axis.get("terms") or {}):
         yield Trouble(entry, place, where, what, its)
@@ -354,8 +413,12 @@ def _of_group(name: str, axis: Mapping[str, Any], place: Place) -> Iterator[Trou
         return
     if group["is_skewed"]:
         skew = group["skew"]
-        by = "nobody knows by how much" if skew is None else f"by {skew:+.6g} {axis['units']}"
-        what = f"the axes of its group have not all gone: the beam is skewed, {by}"
+        what = Said(
+            "the axes of its group have not all gone: the beam is skewed, {by}",
+            by=Said("nobody knows by how much")
+            if skew is None
+            else Said("by {skew}", skew=f"{skew:+.6g} {axis['units']}"),
+        )
         yield Trouble(kinds.GROUP_SKEWED, place, f"axis {name}", what, (name,))
     if group["is_put_off"]:
         yield Trouble(kinds.GROUP_HELD, place, f"axis {name}", kinds.GROUP_HELD.meaning, (name,))
@@ -365,22 +428,32 @@ def _of_rivals(name: str, rivals: Mapping[str, Any] | None, place: Place) -> Ite
     if rivals is None or rivals["refused"] + rivals["changes"] < FEWEST_TRIES:
         return
     one, other = rivals["writers"]
-    parts = {
-        f"{rivals['refused']} requests were refused": rivals["refused"],
-        f"it changed hands {rivals['changes']} times": rivals["changes"],
-    }
-    counted = ", ".join(part for part, count in parts.items() if count)
-    what = f"{one} and {other} both want to move it: {counted} in {span(rivals['since_s'])}"
+    refused = Said("{count} requests were refused", count=rivals["refused"])
+    changed = Said("it changed hands {count} times", count=rivals["changes"])
+    if rivals["refused"] and rivals["changes"]:
+        counted = Said("{one}, {other}", one=refused, other=changed)
+    else:
+        counted = refused if rivals["refused"] else changed
+    what = Said(
+        "{one} and {other} both want to move it: {counted} in {span}",
+        one=one,
+        other=other,
+        counted=counted,
+        span=span(rivals["since_s"]),
+    )
     yield Trouble(kinds.TWO_WRITERS, place, f"axis {name}", what, (name,), rivals["since_s"])
 
 
 _OF_SENSOR: Final = {
-    "waiting": "no temperature has been heard since the start: nothing is added for it",
-    "held": "the temperature sensor says nothing: its last value is held",
-    "fading": "the temperature sensor says nothing: what is added for it goes back to 0",
-    "faded": "the temperature sensor says nothing: nothing is added for it any more",
+    "waiting": Said("no temperature has been heard since the start: nothing is added for it"),
+    "held": Said("the temperature sensor says nothing: its last value is held"),
+    "fading": Said("the temperature sensor says nothing: what is added for it goes back to 0"),
+    "faded": Said("the temperature sensor says nothing: nothing is added for it any more"),
 }
-_OF_OTHERS: Final = {"fading": "what is added for that goes back to 0", "faded": "nothing is added for that"}
+_OF_OTHERS: Final = {
+    "fading": Said("what is added for that goes back to 0"),
+    "faded": Said("nothing is added for that"),
+}
 """Held it is no trouble yet: any stop of an axis that is not read does that, until its next target."""
 
 
@@ -389,22 +462,28 @@ def _of_terms(terms: Mapping[str, Any]) -> Iterable[tuple[TroubleEntry, str]]:
     if thermal.get("is_silent"):
         yield kinds.SENSOR_SILENT, _OF_SENSOR.get(thermal["state"], kinds.SENSOR_SILENT.meaning)
     if cross.get("state") in _OF_OTHERS:
-        what = f"it is not known where {_named(cross['axes'])}; {_OF_OTHERS[cross['state']]}"
+        what = Said(
+            "it is not known where {axes}; {then}",
+            axes=_named(cross["axes"]),
+            then=_OF_OTHERS[cross["state"]],
+        )
         yield kinds.OTHER_AXIS_UNKNOWN, what
     if terms.get("is_too_large"):
-        what = (
+        what = Said(
             "with the table, temperature and other axes come to more than max_correction; they do not follow"
         )
         yield kinds.TERM_TOO_LARGE, what
 
 
-def _named(axes: Sequence[str]) -> str:
+def _named(axes: Sequence[str]) -> Said:
     """Return whose place is not known; of several only the sum is.
 
     >>> _named(["y"]), _named(["y", "z"])
     ('axis y is', 'one of the axes y, z is')
     """
-    return f"axis {axes[0]} is" if len(axes) == 1 else f"one of the axes {', '.join(axes)} is"
+    if len(axes) == 1:
+        return Said("axis {axis} is", axis=axes[0])
+    return Said("one of the axes {axes} is", axes=", ".join(axes))
 
 
 _OF_AXES: Final = (kinds.CONFIGURATION, kinds.TABLES_FOLDER, kinds.STATE_FOLDER)

@@ -27,6 +27,8 @@ class State(Enum):
     """Positions do not pass, or not corrected as they should be."""
 
 
+AWAITED: Final = "Waiting for the controller"
+"""Title of an axis that waits."""
 _OF_SEVERITY: Final = {Severity.ERROR: State.ERROR, Severity.WARNING: State.WARNING}
 
 
@@ -66,7 +68,7 @@ def of_axes(
             state, kind, title = _OF_SEVERITY[worst.entry.severity], worst.entry.kind, worst.entry.title
             since = chronicle.since_of(worst)
         elif name in waiting:
-            state, kind, title = State.WAITING, "controller-awaited", "Waiting for the controller"
+            state, kind, title = State.WAITING, "controller-awaited", AWAITED
             since = chronicle.since((name,), kind)
         else:
             state, kind, title = State.HEALTHY, axis["compensation"], ""

@@ -8,6 +8,7 @@ import { History } from "./history.js";
 import { Pointer } from "./pointer.js";
 import { Terms } from "./terms.js";
 import { compensation, direction, table as tableState, verdict } from "./words.js";
+import { t } from "./language.js";
 
 /**
  * @typedef {import("./model.js").Axis} Axis
@@ -37,13 +38,13 @@ export class AxisCard {
         nearest: (share) => this.curve.nearest(share),
         mark: (index) => this.curve.markAt(index),
       },
-      `Correction of axis ${name} at a position`,
+      t("Correction of axis {axis} at a position", { axis: name }),
     );
     this.stateSign = sign("info");
     this.stateWords = make("span");
     this.stateSince = make("span", { class: "since" });
     this.state = make("p", { class: "state" }, this.stateSign, this.stateWords, this.stateSince);
-    this.positionName = make("span", { class: "reading-name", text: "Position" });
+    this.positionName = make("span", { class: "reading-name", text: t("Position") });
     this.position = make("span", { class: "digits" });
     this.units = make("span", { class: "units" });
     this.big = make("p", { class: "position" }, this.position, this.units);
@@ -51,16 +52,16 @@ export class AxisCard {
     this.directionWords = make("span");
     this.direction = make("p", { class: "direction" }, this.directionSign, this.directionWords);
     this.correction = make("dd");
-    this.correctionRow = make("div", {}, make("dt", { text: "Correction" }), this.correction);
+    this.correctionRow = make("div", {}, make("dt", { text: t("Correction") }), this.correction);
     /** @type {Terms | null} */
     this.terms = null;
     this.corrected = make("dd");
     this.target = make("dd");
-    this.targetRow = make("div", {}, make("dt", { text: "Target" }), this.target);
+    this.targetRow = make("div", {}, make("dt", { text: t("Target") }), this.target);
     this.gain = make("dd");
-    this.gainRow = make("div", {}, make("dt", { text: "Gain" }), this.gain);
+    this.gainRow = make("div", {}, make("dt", { text: t("Gain") }), this.gain);
     this.writer = make("dd");
-    this.writerRow = make("div", {}, make("dt", { text: "Moved by" }), this.writer);
+    this.writerRow = make("div", {}, make("dt", { text: t("Moved by") }), this.writer);
     this.tableSign = sign("info");
     this.tableName = make("span", { class: "file" });
     this.tableWords = make("span", { class: "file-state" });
@@ -75,7 +76,7 @@ export class AxisCard {
     this.noCurve = make("p", { class: "no-curve quiet" });
     this.valuesBody = make("tbody");
     this.valuesHead = make("tr");
-    this.values = make("details", { class: "values" }, make("summary", { text: "Values of the table" }));
+    this.values = make("details", { class: "values" }, make("summary", { text: t("Values of the table") }));
     this.element = this.laidOut();
     this.values.addEventListener("toggle", () => this.fillValues());
     this.resizes = new ResizeObserver(([entry]) => {
@@ -89,7 +90,7 @@ export class AxisCard {
     const title = `axis-${number}-title`;
     const frame = make(
       "div",
-      { class: "values-frame", tabindex: "0", role: "region", "aria-label": `Values of the table of axis ${this.name}` },
+      { class: "values-frame", tabindex: "0", role: "region", "aria-label": t("Values of the table of axis {axis}", { axis: this.name }) },
       make("table", {}, make("thead", {}, this.valuesHead), this.valuesBody),
     );
     this.values.append(frame);
@@ -99,7 +100,7 @@ export class AxisCard {
       make(
         "header",
         { class: "card-head" },
-        make("h3", { id: title }, make("span", { class: "unseen", text: "Axis " }), make("span", { text: this.name })),
+        make("h3", { id: title }, make("span", { class: "unseen", text: `${t("Axis")} ` }), make("span", { text: this.name })),
         this.state,
       ),
       make(
@@ -114,7 +115,7 @@ export class AxisCard {
             "dl",
             { class: "facts" },
             this.correctionRow,
-            make("div", {}, make("dt", { text: "On the drive" }), this.corrected),
+            make("div", {}, make("dt", { text: t("On the drive") }), this.corrected),
             this.targetRow,
             this.writerRow,
             this.gainRow,
@@ -137,10 +138,10 @@ export class AxisCard {
     return make(
       "figcaption",
       { class: "legend", "aria-hidden": "true" },
-      make("span", { class: "key-forward", text: "forward" }),
-      make("span", { class: "key-backward", text: "backward" }),
-      make("span", { class: "key-machine", text: "machine" }),
-      make("span", { class: "key-outside", text: "no table" }),
+      make("span", { class: "key-forward", text: t("forward") }),
+      make("span", { class: "key-backward", text: t("backward") }),
+      make("span", { class: "key-machine", text: t("machine") }),
+      make("span", { class: "key-outside", text: t("no table") }),
     );
   }
 
@@ -164,7 +165,7 @@ export class AxisCard {
     setAttribute(this.state, "class", `state ${state.tone}`);
     setSign(this.stateSign, state.sign);
     setText(this.stateWords, state.words);
-    setText(this.stateSince, `since ${timeOfDay(axis.verdict.since)}`);
+    setText(this.stateSince, t("since {time}", { time: timeOfDay(axis.verdict.since) }));
 
     setText(this.positionName, nameOf(position));
     const digits = fixed(position.nominal, scale.decimals);
@@ -188,7 +189,7 @@ export class AxisCard {
     setText(this.directionWords, way.words);
     const { forward, backward } = axis.gain;
     show(this.gainRow, forward !== 1 || backward !== 1);
-    setText(this.gain, forward === backward ? `× ${forward}` : `× ${forward} forward, × ${backward} backward`);
+    setText(this.gain, forward === backward ? `× ${forward}` : t("× {forward} forward, × {backward} backward", { forward, backward }));
     show(this.writerRow, Boolean(axis.writer));
     setText(this.writer, axis.writer ?? "");
     this.showTable(axis);
@@ -219,12 +220,12 @@ export class AxisCard {
     setAttribute(this.tableSign, "class", `sign ${state.tone}`);
     setSign(this.tableSign, state.sign);
     setText(this.tableName, its.file ?? "");
-    const parts = [its.file === null && its.status === "none" ? "No table is configured" : state.words];
+    const parts = [its.file === null && its.status === "none" ? t("No table is configured") : state.words];
     if (its.points) {
-      parts.push(`${its.points} points`);
+      parts.push(t("{count} points", { count: its.points }));
     }
     if (its.loaded_at) {
-      parts.push(`loaded ${timeOfDay(its.loaded_at)}`);
+      parts.push(t("loaded {time}", { time: timeOfDay(its.loaded_at) }));
     }
     setText(this.tableWords, parts.join(" · "));
     const problems = (its.problems ?? []).map(sentence);
@@ -251,7 +252,7 @@ export class AxisCard {
   /** @param {Axis} axis */
   showCurve(axis) {
     const hasTable = axis.table.points > 0;
-    setText(this.noCurve, hasTable ? "The curve is being fetched." : "No table: positions pass as they are.");
+    setText(this.noCurve, hasTable ? t("The curve is being fetched.") : t("No table: positions pass as they are."));
     const has = this.table !== null && this.table.positions.length > 1;
     show(this.noCurve, !has);
     setAttribute(this.element, "data-curve", has ? "yes" : "no");
@@ -273,16 +274,20 @@ export class AxisCard {
     this.curve.show({ table, travel, scale });
     this.curvePointer.redraw();
     this.fillValues();
-    setText(this.curve.title, `Correction of axis ${this.name} over its travel`);
+    setText(this.curve.title, t("Correction of axis {axis} over its travel", { axis: this.name }));
     const last = table.positions[table.positions.length - 1];
     const isShort = travel !== null && (travel[0] < table.positions[0] || travel[1] > last);
     setAttribute(this.element, "data-outside", isShort ? "yes" : "no");
     setText(
       this.curve.description,
-      `${axis.table.points} points from ${fixed(table.positions[0], scale.decimals)} to ` +
-        `${fixed(last, scale.decimals)} ${scale.units}. Forward ${range(table.forward, scale)}, ` +
-        `backward ${range(table.backward, scale)}. ` +
-        "The values stand below, under Values of the table.",
+      t("{count} points from {low} to {high} {units}. Forward {forward}, backward {backward}. The values stand below, under Values of the table.", {
+        count: axis.table.points,
+        low: fixed(table.positions[0], scale.decimals),
+        high: fixed(last, scale.decimals),
+        units: scale.units,
+        forward: range(table.forward, scale),
+        backward: range(table.backward, scale),
+      }),
     );
   }
 
@@ -294,7 +299,7 @@ export class AxisCard {
     }
     const scale = scaleOf(this.axis.units);
     const { positions, forward, backward } = this.table;
-    const heads = [`Position ${scale.units}`, `Forward ${scale.small}`, `Backward ${scale.small}`];
+    const heads = [`${t("Position")} ${scale.units}`, `${t("Forward")} ${scale.small}`, `${t("Backward")} ${scale.small}`];
     this.valuesHead.replaceChildren(...heads.map((text) => make("th", { scope: "col", text })));
     this.valuesBody.replaceChildren(
       ...positions.map((position, index) =>
@@ -319,7 +324,7 @@ function stateOf({ verdict: found, compensation: state }) {
   const of = compensation(state);
   const { sign: name, tone } = verdict(found.state);
   const isOwn = !found.title && (found.state === "healthy" || of.tone === tone);
-  return { words: found.title || of.words, sign: isOwn ? of.sign : name, tone };
+  return { words: found.title ? t(found.title) : of.words, sign: isOwn ? of.sign : name, tone };
 }
 
 /**
@@ -328,13 +333,13 @@ function stateOf({ verdict: found, compensation: state }) {
  */
 function nameOf({ of, age_s: age, is_at_least: isAtLeast }) {
   if (of === "reading") {
-    return "Position";
+    return t("Position");
   }
   if (of === null || age === null) {
-    return "Position not known";
+    return t("Position not known");
   }
-  const ago = `${isAtLeast ? "more than " : ""}${span(age)} ago`;
-  return of === "target" ? `Target of ${ago} (position not read)` : `Last seen ${ago}`;
+  const time = isAtLeast ? t("more than {span}", { span: span(age) }) : span(age);
+  return of === "target" ? t("Target of {span} ago (position not read)", { span: time }) : t("Last seen {span} ago", { span: time });
 }
 
 /**
@@ -370,5 +375,9 @@ function range(values, scale) {
   const scaled = values.map((value) => value * scale.perUnit);
   const low = scaled.reduce((one, other) => Math.min(one, other), Infinity);
   const high = scaled.reduce((one, other) => Math.max(one, other), -Infinity);
-  return `from ${fixed(low, scale.smallDecimals, true)} to ${fixed(high, scale.smallDecimals, true)} ${scale.small}`;
+  return t("from {low} to {high} {units}", {
+    low: fixed(low, scale.smallDecimals, true),
+    high: fixed(high, scale.smallDecimals, true),
+    units: scale.small,
+  });
 }

@@ -5,6 +5,7 @@ import { byId, keepChildren, make, setAttribute, setSentence, setSign, setText, 
 import { span, timeOfDay } from "./figures.js";
 import { acknowledged } from "./session.js";
 import { capital, verdict as inWords } from "./words.js";
+import { place, said, t } from "./language.js";
 
 const AT_FIRST = matchMedia("(max-width: 40rem)").matches ? 2 : 4; // the axes should stay in sight
 
@@ -54,7 +55,7 @@ export class Banner {
     setAttribute(this.verdict, "class", `verdict ${tone}`);
     setSign(this.verdictSign, name);
     setText(this.verdictWord, words);
-    setText(this.verdictAbout, `since ${timeOfDay(verdict.since)} · ${counted(verdict) || about}`);
+    setText(this.verdictAbout, `${t("since {time}", { time: timeOfDay(verdict.since) })} · ${counted(verdict) || about}`);
     this.say(`${words}: ${about}.`);
     this.draw();
   }
@@ -67,13 +68,13 @@ export class Banner {
     const isLost = silentMs !== null;
     if (isLost) {
       const age = span(silentMs / 1000);
-      setText(this.lostWhat, hasModel ? `The gateway does not answer. What is shown is ${age} old.` : "The gateway does not answer.");
-      setText(this.lostHow, "Is it running, and is the network there? This page tries again by itself.");
+      setText(this.lostWhat, hasModel ? t("The gateway does not answer. What is shown is {span} old.", { span: age }) : t("The gateway does not answer."));
+      setText(this.lostHow, t("Is it running, and is the network there? This page tries again by itself."));
     }
     if (isLost !== this.isLost) {
       this.isLost = isLost;
-      setText(this.sayAlert, isLost ? "The gateway does not answer." : "");
-      setText(this.sayStatus, isLost ? "" : "The gateway answers again.");
+      setText(this.sayAlert, isLost ? t("The gateway does not answer.") : "");
+      setText(this.sayStatus, isLost ? "" : t("The gateway answers again."));
       this.draw();
     }
   }
@@ -97,7 +98,7 @@ export class Banner {
       this.items.get(key)?.show(trouble, this.mayAcknowledge);
     }
     show(this.more, hidden > 0);
-    setText(this.more, this.isOpen ? "Show fewer" : `Show ${hidden} more`);
+    setText(this.more, this.isOpen ? t("Show fewer") : t("Show {count} more", { count: hidden }));
     setAttribute(this.more, "aria-expanded", String(this.isOpen));
   }
 
@@ -118,7 +119,7 @@ export class Banner {
     const fresh = this.troubles.filter((trouble) => !before?.has(keyOf(trouble)));
     if (fresh.length) {
       const isError = fresh.some((trouble) => trouble.severity === "error");
-      const words = fresh.slice(0, AT_FIRST).map((trouble) => `${capital(trouble.where)}: ${trouble.what}. ${trouble.remedy}.`);
+      const words = fresh.slice(0, AT_FIRST).map((trouble) => `${capital(place(trouble.where))}: ${said(trouble.says, trouble.what)}. ${t(trouble.remedy)}.`);
       setText(isError ? this.sayAlert : this.sayStatus, words.join(" ").replaceAll("`", ""));
     } else if (now.size === 0 && before?.size) {
       setText(this.sayAlert, "");
@@ -136,7 +137,7 @@ class TroubleItem {
     this.kind = make("span", { class: "unseen" });
     this.sign = sign("warning");
     this.seen = make("span", { class: "seen", hidden: "" });
-    this.button = /** @type {HTMLButtonElement} */ (make("button", { type: "button", class: "plain", text: "Acknowledge" }));
+    this.button = /** @type {HTMLButtonElement} */ (make("button", { type: "button", class: "plain", text: t("Acknowledge") }));
     this.problem = make("span", { class: "problem" });
     /** @type {Trouble | null} */
     this.trouble = null;
@@ -173,7 +174,7 @@ class TroubleItem {
     const hadFocus = document.activeElement === this.button;
     this.trouble = trouble;
     show(this.seen, seen !== null);
-    setText(this.seen, seen === null ? "" : `acknowledged by ${seen.by}, ${timeOfDay(seen.at)}`);
+    setText(this.seen, seen === null ? "" : t("acknowledged by {name}, {time}", { name: seen.by, time: timeOfDay(seen.at) }));
     show(this.button, mayAcknowledge && seen === null);
     if (seen !== null) {
       setText(this.problem, "");
@@ -181,15 +182,15 @@ class TroubleItem {
         byId("banner").focus(); // the button that had it is gone
       }
     }
-    setAttribute(this.button, "aria-label", `Acknowledge: ${trouble.where}, ${trouble.what}`);
+    setAttribute(this.button, "aria-label", `${t("Acknowledge")}: ${place(trouble.where)}, ${said(trouble.says, trouble.what)}`);
     const isError = trouble.severity === "error";
     setAttribute(this.element, "class", `trouble ${isError ? "error" : "warning"}${seen ? " acknowledged" : ""}`);
     setSign(this.sign, isError ? "error" : "warning");
-    setText(this.kind, isError ? "Error: " : "Warning: ");
-    setText(this.where, capital(trouble.where));
-    setSentence(this.what, trouble.what);
-    setText(this.since, trouble.since ? `since ${timeOfDay(trouble.since)}` : "");
-    setSentence(this.remedy, capital(trouble.remedy));
+    setText(this.kind, isError ? `${t("Error")}: ` : `${t("Warning")}: `);
+    setText(this.where, capital(place(trouble.where)));
+    setSentence(this.what, said(trouble.says, trouble.what));
+    setText(this.since, trouble.since ? t("since {time}", { time: timeOfDay(trouble.since) }) : "");
+    setSentence(this.remedy, capital(t(trouble.remedy)));
   }
 }
 
@@ -199,8 +200,8 @@ class TroubleItem {
  */
 function counted({ errors, warnings }) {
   return [
-    errors ? `${errors} ${errors === 1 ? "error" : "errors"}` : "",
-    warnings ? `${warnings} ${warnings === 1 ? "warning" : "warnings"}` : "",
+    errors ? `${errors} ${errors === 1 ? t("error") : t("errors")}` : "",
+    warnings ? `${warnings} ${warnings === 1 ? t("warning") : t("warnings")}` : "",
   ]
     .filter(Boolean)
     .join(", ");

@@ -5,6 +5,7 @@ import { label, fontSize, linear, path, round, stroke, textWidth } from "./chart
 import { draw, setAttribute } from "./dom.js";
 import { fixed, ticks } from "./figures.js";
 import { nearestOf } from "./pointer.js";
+import { t } from "./language.js";
 
 /**
  * @typedef {import("./model.js").Table} Table
@@ -133,7 +134,11 @@ export class Curve {
     const small = (/** @type {number} */ value) =>
       `${fixed(value * scale.perUnit, scale.smallDecimals, true)}\u202f${scale.small}`;
     const at = `${fixed(position, scale.decimals)}\u202f${scale.units}`;
-    return `${at}: forward ${small(forward)}, backward ${small(backward)}`;
+    return t("{position}: forward {forward}, backward {backward}", {
+      position: at,
+      forward: small(forward),
+      backward: small(backward),
+    });
   }
 
   redraw() {

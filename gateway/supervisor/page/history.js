@@ -4,6 +4,7 @@
 import { draw, make, setAttribute } from "./dom.js";
 import { fixed, timeOfDay } from "./figures.js";
 import { Pointer, nearestOf } from "./pointer.js";
+import { t } from "./language.js";
 
 /** @typedef {{ at: number, nominal: number | null, correction: number | null }} Seen `at` in ms */
 /** @typedef {{ ages_s: number[], nominal: (number | null)[], correction: (number | null)[] }} Told */
@@ -17,7 +18,7 @@ const WIDTH = 600;
 const HEIGHT = 60;
 const AIR = 5;
 /** @type {Record<string, string>} spans by minutes */
-export const SPANS = { 10: "10 minutes", 60: "1 hour", 480: "8 hours", 1440: "1 day" };
+export const SPANS = { 10: t("10 minutes"), 60: t("1 hour"), 480: t("8 hours"), 1440: t("1 day") };
 
 let number = 0;
 
@@ -60,20 +61,20 @@ export class History {
       nearest: (/** @type {number} */ share) => this.nearest(share),
       mark: (/** @type {number | null} */ index) => this.markAt(index),
     };
-    this.pointer = new Pointer(this.element, readable, `Axis ${axis} at a time`);
+    this.pointer = new Pointer(this.element, readable, t("Axis {axis} at a time", { axis }));
     this.figure = this.laidOut();
     void this.fetch();
   }
 
   /** The strip, with the choice of its span and the same as a file. */
   laidOut() {
-    const label = `Span of the past of axis ${this.axis}`;
+    const label = t("Span of the past of axis {axis}", { axis: this.axis });
     const choice = /** @type {HTMLSelectElement} */ (make("select", { class: "past-span", "aria-label": label }));
     choice.append(...Object.entries(SPANS).map(([value, text]) => make("option", { value, text })));
     const file = make("a", { class: "past-file", download: "", text: "CSV" });
     const name = () => {
       setAttribute(file, "href", `history/${encodeURIComponent(this.axis)}.csv?minutes=${choice.value}`);
-      setAttribute(file, "aria-label", `Axis ${this.axis}, last ${SPANS[choice.value]}, as CSV file`);
+      setAttribute(file, "aria-label", t("Axis {axis}, last {span}, as CSV file", { axis: this.axis, span: SPANS[choice.value] }));
     };
     choice.addEventListener("change", () => {
       name();
@@ -87,15 +88,15 @@ export class History {
       make(
         "figcaption",
         { class: "legend" },
-        make("span", { class: "key-position", "aria-hidden": "true", text: "position" }),
-        make("span", { class: "key-forward", "aria-hidden": "true", text: "correction" }),
+        make("span", { class: "key-position", "aria-hidden": "true", text: t("position") }),
+        make("span", { class: "key-forward", "aria-hidden": "true", text: t("correction") }),
         make("span", { class: "key-time" }, choice, file),
       ),
     );
   }
 
   name() {
-    this.title.textContent = `Last ${SPANS[this.minutes]} of axis ${this.axis}`;
+    this.title.textContent = t("Last {span} of axis {axis}", { span: SPANS[this.minutes], axis: this.axis });
   }
 
   get keptMs() {
@@ -178,9 +179,14 @@ export class History {
     const [low, high] = ends(positions);
     const [least, most] = ends(corrections);
     this.words.textContent =
-      `Position from ${fixed(low, scale.decimals)} to ${fixed(high, scale.decimals)} ${scale.units}, ` +
-      `correction from ${fixed(least && least * scale.perUnit, scale.smallDecimals, true)} to ` +
-      `${fixed(most && most * scale.perUnit, scale.smallDecimals, true)} ${scale.small}.`;
+      t("Position from {low} to {high} {units}, correction from {least} to {most} {small}.", {
+        low: fixed(low, scale.decimals),
+        high: fixed(high, scale.decimals),
+        units: scale.units,
+        least: fixed(least && least * scale.perUnit, scale.smallDecimals, true),
+        most: fixed(most && most * scale.perUnit, scale.smallDecimals, true),
+        small: scale.small,
+      });
     this.pointer.redraw();
   }
 
@@ -220,12 +226,15 @@ export class History {
     setAttribute(this.reading, "x2", x);
     const when = timeOfDay(new Date(Date.now() - (now - at)).toISOString());
     if (nominal === null) {
-      return `${when}: position not known`;
+      return t("{time}: position not known", { time: when });
     }
     const added = correction === null ? null : correction * scale.perUnit;
     return (
-      `${when}: ${fixed(nominal, scale.decimals)}\u202f${scale.units}, ` +
-      `correction ${fixed(added, scale.smallDecimals, true)}\u202f${scale.small}`
+      t("{time}: {position}, correction {correction}", {
+        time: when,
+        position: `${fixed(nominal, scale.decimals)}\u202f${scale.units}`,
+        correction: `${fixed(added, scale.smallDecimals, true)}\u202f${scale.small}`,
+      })
     );
   }
 }

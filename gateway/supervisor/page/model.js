@@ -49,7 +49,7 @@
  *             the target; null: nothing
  *
  * @typedef {{ kind: string, severity: string, where: string, what: string, remedy: string, since?: string,
- *             axes?: string[], acknowledged?: { by: string, at: string } | null }} Trouble
+ *             says?: import("./language.js").Said, axes?: string[], acknowledged?: { by: string, at: string } | null }} Trouble
  *
  * @typedef {{ gateway: { name: string, version: string, uptime_s: number | null, relay: string,
  *                        snapshot_age_s: number | null, latency_bounds_us?: number[] },

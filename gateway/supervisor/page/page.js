@@ -14,6 +14,7 @@ import { showSession } from "./session.js";
 import { Sound } from "./sound.js";
 import { Stream } from "./stream.js";
 import { Tables } from "./tables.js";
+import { offerLanguages, t } from "./language.js";
 
 /** @typedef {import("./model.js").Model} Model */
 
@@ -37,7 +38,7 @@ class Page {
     this.isDrawn = true;
     this.isSilent = true;
     this.linkSign = sign("wait");
-    this.linkWords = make("span", { text: "Connecting" });
+    this.linkWords = make("span", { text: t("Connecting") });
     byId("link").append(this.linkSign, this.linkWords);
     document.addEventListener("visibilitychange", () => this.drawSoon());
     this.stream = new Stream("events", "status", {
@@ -76,7 +77,7 @@ class Page {
     }
     const { gateway } = model;
     setText(byId("name"), gateway.name);
-    const runs = gateway.uptime_s === null ? "" : ` · runs for ${span(gateway.uptime_s)}`;
+    const runs = gateway.uptime_s === null ? "" : ` · ${t("runs for {span}", { span: span(gateway.uptime_s) })}`;
     setText(byId("about"), `pitch-gateway ${gateway.version}${runs}`);
     setAttribute(document.body, "data-fresh", isFresh(model) ? "yes" : "no");
     this.banner.show(model.verdict, model.troubles, contentsOf(model));
@@ -132,18 +133,19 @@ class Page {
       setAttribute(document.body, "data-link", relay === null ? "live" : "relay");
     }
     setAttribute(this.linkSign.children[0], "href", isLost || relay ? "#i-error" : this.model ? "#i-ok" : "#i-wait");
-    const ofRelay = relay === "up" ? "Relay silent: it may not obey" : "Relay down: nothing passes";
-    setText(this.linkWords, isLost ? "No connection" : relay ? ofRelay : this.model ? "Live" : "Connecting");
+    const ofRelay = relay === "up" ? t("Relay silent: it may not obey") : t("Relay down: nothing passes");
+    setText(this.linkWords, isLost ? t("No connection") : relay ? ofRelay : this.model ? t("Live") : t("Connecting"));
   }
 
   /** The tab's name and icon; also while nobody sees the page. */
   showMark() {
     const isLost = document.body.dataset.link === "lost";
-    const verdict = isLost ? "no connection" : (this.model?.verdict.state ?? "connecting");
+    const verdict = this.model?.verdict.state;
+    const words = isLost ? t("no connection") : t(verdict ?? "connecting");
     const isBad = isLost || verdict === "error";
     setAttribute(byId("favicon"), "href", isBad ? "page/icon-trouble.svg" : "page/icon.svg");
     const name = this.model?.gateway.name ?? "Pitch gateway";
-    const title = `${isBad || verdict === "warning" ? "⚠ " : ""}${name}: ${verdict}`;
+    const title = `${isBad || verdict === "warning" ? "⚠ " : ""}${name}: ${words}`;
     if (document.title !== title) {
       document.title = title;
     }
@@ -157,9 +159,9 @@ class Page {
 function contentsOf(model) {
   const axes = Object.keys(model.axes).length;
   const lines = Object.keys(model.lines).length;
-  const parts = [`${lines} ${lines === 1 ? "line" : "lines"}`];
+  const parts = [`${lines} ${lines === 1 ? t("line") : t("lines")}`];
   if (axes) {
-    parts.push(`${axes} ${axes === 1 ? "axis" : "axes"}`);
+    parts.push(`${axes} ${axes === 1 ? t("axis") : t("axes")}`);
   }
   return parts.join(", ");
 }
@@ -168,11 +170,11 @@ function contentsOf(model) {
 function offerColours() {
   const button = byId("theme");
   const order = ["auto", "light", "dark"];
-  const words = { auto: "auto", light: "light", dark: "dark" };
+  const words = { auto: t("auto"), light: t("light"), dark: t("dark") };
   const root = document.documentElement;
   const showChoice = () => {
     const chosen = /** @type {keyof typeof words} */ (root.dataset.theme ?? "auto");
-    setText(button, `Colours: ${words[chosen]}`);
+    setText(button, t("Colours: {choice}", { choice: words[chosen] }));
   };
   button.addEventListener("click", () => {
     const next = order[(order.indexOf(root.dataset.theme ?? "auto") + 1) % order.length];
@@ -191,5 +193,6 @@ function offerColours() {
   showChoice();
 }
 
+offerLanguages(/** @type {HTMLSelectElement} */ (byId("language")));
 offerColours();
 new Page();

@@ -2,6 +2,7 @@
 // Who looks, where the gateway asks that, and what he may: log out, and acknowledge alarms.
 
 import { byId, make, show } from "./dom.js";
+import { t } from "./language.js";
 
 /**
  * Show the button to whoever has a session, and see to it that it ends one.
@@ -16,8 +17,8 @@ export async function showSession(mayAcknowledge) {
     }
     if (answer.ok && how === "session") {
       const button = /** @type {HTMLButtonElement} */ (byId("logout"));
-      button.append(make("span", { text: "Log out" }));
-      button.title = `Logged in with the token “${by}”`;
+      button.append(make("span", { text: t("Log out") }));
+      button.title = t("Logged in with the token “{name}”", { name: by });
       button.addEventListener("click", () => void logOut(button));
       show(button, true);
     }
@@ -37,9 +38,9 @@ export async function acknowledged(alarm) {
     if (answer.status === 401) {
       askAgain(); // the session is over
     }
-    return answer.ok ? "" : answer.status === 404 ? "This alarm has just changed. Look again." : "Not acknowledged: the gateway refused it.";
+    return answer.ok ? "" : answer.status === 404 ? t("This alarm has just changed. Look again.") : t("Not acknowledged: the gateway refused it.");
   } catch {
-    return "Not acknowledged: the gateway does not answer.";
+    return t("Not acknowledged: the gateway does not answer.");
   }
 }
 

@@ -3,6 +3,7 @@
 // lets a page make a sound only after a click or a key.
 
 import { byId, setAttribute, setText } from "./dom.js";
+import { t } from "./language.js";
 
 const KEPT = "pitch-gateway-sound";
 const TONES_HZ = [880, 660];
@@ -52,7 +53,7 @@ export class Sound {
 
   show() {
     const isAllowed = this.context?.state === "running";
-    setText(this.button, !this.isOn ? "Sound: off" : isAllowed ? "Sound: on" : "Sound: on after a click");
+    setText(this.button, !this.isOn ? t("Sound: off") : isAllowed ? t("Sound: on") : t("Sound: on after a click"));
     setAttribute(this.button, "aria-pressed", String(this.isOn));
   }
 

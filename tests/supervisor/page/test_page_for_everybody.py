@@ -201,7 +201,7 @@ def test_everything_is_reached_with_the_keyboard_and_shows_where_it_is(visit: Vi
     visit.until_text("#more", "Show 2 more")
     visit.page.wait_for_selector("article.axis summary")
     reached = []
-    for _ in range(16):
+    for _ in range(17):
         visit.page.keyboard.press("Tab")
         reached.append(
             visit.page.evaluate(
@@ -216,6 +216,7 @@ def test_everything_is_reached_with_the_keyboard_and_shows_where_it_is(visit: Vi
         )
     wanted = [
         "skip",
+        "language",
         "sound",
         "theme",
         "more",
