@@ -88,6 +88,9 @@ class Chronicle:
             seen = _seen(axis, now_s)
             if seen.nominal is not None:
                 self._last[name] = seen
+            elif name not in self._last and (told := axis.get("last_actual")) is not None:
+                at_s = now_s - told["age_s"]  # read before anybody looked
+                self._last[name] = Seen(at_s, told["nominal"], told["corrected"], None)
             nominal, before = axis.get("nominal_setpoint"), self._targets.get(name)
             if before is None or before.nominal != nominal:
                 self._targets[name] = Target(nominal, now_s, before is None)

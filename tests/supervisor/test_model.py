@@ -463,7 +463,7 @@ def test_what_stands_in_the_list_is_what_axis_and_gateway_are_called() -> None:
     found = model(with_axis(latency={"is_over_budget": True, "budget_us": 500.0}))
     assert kinds(found) == [("warning", "over-budget", "axis x")]
     assert (found["verdict"]["state"], found["verdict"]["warnings"]) == ("warning", 1)
-    assert words_of(found["axes"]["x"]) == ("warning", "over-budget", "Gateway slow")
+    assert words_of(found["axes"]["x"]) == ("warning", "over-budget", "")
 
 
 def test_what_follows_from_a_trouble_never_hides_that() -> None:
