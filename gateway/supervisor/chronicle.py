@@ -4,7 +4,7 @@ All of it is bounded, and ends with the process.
 """
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
@@ -40,10 +40,15 @@ class Target:
     """It was there before anybody looked."""
 
 
-class Chronicle:
-    """The recent past; times in seconds are those of ``time.monotonic``."""
+def _now() -> datetime:
+    return datetime.now(UTC)
 
-    def __init__(self) -> None:
+
+class Chronicle:
+    """The recent past; times in seconds are those of ``time.monotonic``, ``now`` tells the time of day."""
+
+    def __init__(self, now: Callable[[], datetime] = _now) -> None:
+        self._now = now
         self._since: dict[tuple[str, Place], str] = {}
         self._words: dict[tuple[str, ...], tuple[str, str]] = {}
         """By what it is about: what is said of it, and since when."""
@@ -71,7 +76,7 @@ class Chronicle:
         """Return since when the same is said of something, as ISO 8601; not from before this process."""
         before = self._words.get(about)
         if before is None or before[0] != word:
-            before = self._words[about] = word, datetime.now(UTC).isoformat(timespec="seconds")
+            before = self._words[about] = word, self._now().isoformat(timespec="seconds")
         return before[1]
 
     def take(self, snapshot: Mapping[str, Any] | None, now_s: float) -> None:
