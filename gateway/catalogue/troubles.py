@@ -264,7 +264,6 @@ OVER_BUDGET: Final = TroubleEntry(
     "the gateway takes longer than `budget_us` for the exchanges of an axis",
     "the machine is busy with something else",
     "look at the load of the machine; pitch-gateway budget shows what the line can hold",
-    title="Gateway slow",
 )
 SENSOR_SILENT: Final = TroubleEntry(
     "sensor-silent",

@@ -4,7 +4,7 @@ All of it is bounded, and ends with the process; ``supervisor.past`` keeps some 
 """
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
@@ -43,10 +43,15 @@ class Target:
     """It was there before anybody looked."""
 
 
-class Chronicle:
-    """The recent past; times in seconds are those of ``time.monotonic``."""
+def _now() -> datetime:
+    return datetime.now(UTC)
 
-    def __init__(self) -> None:
+
+class Chronicle:
+    """The recent past; times in seconds are those of ``time.monotonic``, ``now`` tells the time of day."""
+
+    def __init__(self, now: Callable[[], datetime] = _now) -> None:
+        self._now = now
         self.acknowledged = Acknowledged()
         self._since: dict[tuple[str, Place], str] = {}
         self._found: Sequence[Trouble] = ()
@@ -95,7 +100,7 @@ class Chronicle:
         """Return since when the same is said of something, as ISO 8601; not from before this process."""
         before = self._words.get(about)
         if before is None or before[0] != word:
-            before = self._words[about] = word, datetime.now(UTC).isoformat(timespec="seconds")
+            before = self._words[about] = word, self._now().isoformat(timespec="seconds")
         return before[1]
 
     def take(self, snapshot: Mapping[str, Any] | None, now_s: float) -> None:
@@ -112,6 +117,9 @@ class Chronicle:
             seen = _seen(axis, now_s)
             if seen.nominal is not None:
                 self._last[name] = seen
+            elif name not in self._last and (told := axis.get("last_actual")) is not None:
+                at_s = now_s - told["age_s"]  # read before anybody looked
+                self._last[name] = Seen(at_s, told["nominal"], told["corrected"], None, axis["compensation"])
             nominal, before = axis.get("nominal_setpoint"), self._targets.get(name)
             if before is None or before.nominal != nominal:
                 self._targets[name] = Target(nominal, now_s, before is None)

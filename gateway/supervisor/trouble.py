@@ -77,7 +77,7 @@ class Trouble:
             "severity": self.entry.severity.value,
             "audience": "operator",  # of all: whoever filtered by it sees every trouble
             "where": self.where,
-            "what": self.what,
+            "what": str(self.what),
             "says": said(self.what),
             "remedy": self.entry.remedy,
             "since": since,

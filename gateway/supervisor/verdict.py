@@ -66,13 +66,13 @@ def of_axes(
         worst = of_axis(found, name)
         if worst is not None:
             state, kind, title = _OF_SEVERITY[worst.entry.severity], worst.entry.kind, worst.entry.title
-            since = chronicle.since_of(worst)
         elif name in waiting:
             state, kind, title = State.WAITING, "controller-awaited", AWAITED
-            since = chronicle.since((name,), kind)
         else:
             state, kind, title = State.HEALTHY, axis["compensation"], ""
-            since = chronicle.since((name,), state.value)
+        since = chronicle.since((name,), state.value)
+        if worst is not None:  # it may have begun before anybody looked
+            since = chronicle.since_of(worst)
         verdicts[name] = {"state": state.value, "kind": kind, "title": title, "since": since}
     return verdicts
 

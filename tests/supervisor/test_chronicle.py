@@ -95,3 +95,27 @@ def test_an_axis_that_is_gone_is_forgotten() -> None:
     chronicle.take({"axes": {}}, 101.0)
     assert chronicle.history("x") is None
     assert chronicle.last("x", 101.0) is None
+
+
+def test_a_supervisor_that_comes_late_has_the_last_reading_from_the_relay() -> None:
+    chronicle = Chronicle()
+    told = {"nominal": 40.0, "corrected": 40.25, "age_s": 30.0}
+    chronicle.take(snapshot(None, correction=None, last_actual=told), 100.0)
+    assert chronicle.last("x", 101.0) == {"nominal": 40.0, "corrected": 40.25, "age_s": 31.0}
+    # What it has seen itself counts more: the relay's is on the map of now.
+    chronicle.take(snapshot(50.0), 102.0)
+    chronicle.take(snapshot(None, correction=None, last_actual=told), 103.0)
+    last = chronicle.last("x", 103.0)
+    assert last is not None
+    assert last["nominal"] == 50.0
+
+
+def test_the_age_of_a_target_is_known_once_it_was_seen_to_come() -> None:
+    chronicle = Chronicle()
+    chronicle.take(snapshot(None, nominal_setpoint=40.0), 100.0)
+    assert chronicle.target("x", 130.0) == {"age_s": 30.0, "is_at_least": True}
+    chronicle.take(snapshot(None, nominal_setpoint=50.0), 140.0)
+    chronicle.take(snapshot(None, nominal_setpoint=50.0), 150.0)
+    assert chronicle.target("x", 155.0) == {"age_s": 15.0, "is_at_least": False}
+    chronicle.take(snapshot(None, nominal_setpoint=None), 160.0)
+    assert chronicle.target("x", 160.0) is None

@@ -463,7 +463,7 @@ def test_what_stands_in_the_list_is_what_axis_and_gateway_are_called() -> None:
     found = model(with_axis(latency={"is_over_budget": True, "budget_us": 500.0}))
     assert kinds(found) == [("warning", "over-budget", "axis x")]
     assert (found["verdict"]["state"], found["verdict"]["warnings"]) == ("warning", 1)
-    assert words_of(found["axes"]["x"]) == ("warning", "over-budget", "Gateway slow")
+    assert words_of(found["axes"]["x"]) == ("warning", "over-budget", "")
 
 
 def test_what_follows_from_a_trouble_never_hides_that() -> None:
@@ -720,3 +720,27 @@ def test_what_a_silent_relay_read_last_is_no_reading() -> None:
     snapshot = at(40.0, **READ)
     assert model(snapshot)["axes"]["x"]["position"]["of"] == "reading"
     assert model(snapshot, age_s=STALE_S + 0.1)["axes"]["x"]["position"]["of"] == "last-reading"
+
+
+def test_an_axis_that_is_well_again_is_healthy_since_then() -> None:
+    hours = [9]
+    chronicle = Chronicle(lambda: datetime(2026, 5, 1, hours[0], tzinfo=UTC))
+
+    def since(snapshot: dict[str, Any]) -> str:
+        found = whole_model(
+            "mill-1",
+            snapshot,
+            is_relay_up=True,
+            snapshot_age_s=0.1,
+            tables={},
+            supervisor=WELL,
+            chronicle=chronicle,
+        )
+        return str(found["axes"]["x"]["verdict"]["since"])
+
+    assert since(with_drive(ANSWERS)) == "2026-05-01T09:00:00+00:00"
+    hours[0] = 10
+    assert since(with_drive(ANSWERS)) == "2026-05-01T09:00:00+00:00"
+    since(with_drive(SILENT))
+    hours[0] = 11
+    assert since(with_drive(ANSWERS)) == "2026-05-01T11:00:00+00:00"

@@ -8,6 +8,7 @@ import pytest
 
 from gateway.catalogue.said import Said, said
 from gateway.supervisor import page
+from gateway.supervisor.http.answers import json_bytes
 from gateway.supervisor.trouble import troubles
 from tests.supervisor.http.http_bench import snapshot
 from tests.supervisor.page.stage import FOLDER
@@ -73,7 +74,7 @@ def test_a_trouble_says_its_parts_beside_its_words() -> None:
     relay: dict[str, Any] = {**snapshot(), "supervisor": None}
     relay["gateway"] |= {"snapshot_age_s": 3.0}
     [silent] = [found for found in troubles(relay) if found.entry.kind == "relay-silent"]
-    told = silent.as_data("2026-05-01T12:00:00+00:00")
+    told = json.loads(json_bytes(silent.as_data("2026-05-01T12:00:00+00:00")))
     assert told["what"] == "the relay has said nothing for 3 s: the machine may not obey"
     assert told["says"] == {
         "text": "the relay has said nothing for {span}: the machine may not obey",
