@@ -267,7 +267,7 @@ def _of_controller(
 ) -> Iterator[Trouble]:
     name = controller["name"]
     place, where = (line, f"controller {name}"), f"line {line}, controller {name}"
-    axes = tuple(unit_ids["axes"])
+    axes = tuple(unit_ids["axes"]) if controller.get("role") == "motion" else ()
     if controller.get("state") == "down" and controller.get("role") == "motion":
         failure = f": {controller['failure']}" if controller.get("failure") else ""
         what = Said("{address} is not open{failure}", address=controller["address"], failure=failure)

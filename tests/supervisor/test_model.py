@@ -415,6 +415,9 @@ def test_a_port_of_which_nothing_was_whole_is_said_with_its_count() -> None:
     found = model(with_controller(whole=0, damaged=12, minute=minute))
     assert kinds(found) == [("error", "controller-garbled", "line xyz, controller plc")]
     assert found["troubles"][0]["what"] == "12 of 12 frames from /dev/ttyS1 were damaged, not one was whole"
+    assert found["axes"]["x"]["verdict"]["state"] == "error"
+    monitor = model(with_controller(whole=0, damaged=12, minute=minute, role="monitor"))
+    assert monitor["axes"]["x"]["verdict"]["state"] == "healthy"  # it moves no axis
     some = model(with_controller(whole=188, damaged=12, minute={"whole": 188, "damaged": 12}))
     assert kinds(some) == [("warning", "controller-damaged", "line xyz, controller plc")]
     assert some["troubles"][0]["what"] == "12 of 200 frames from /dev/ttyS1 were damaged in the last minute"
