@@ -89,12 +89,14 @@ def _verdict(verdict: Mapping[str, Any]) -> RenderableType:
     return _words(f"[bold {colour}]{verdict['state'].upper()}[/]{since}{f': {counted}' if counted else ''}")
 
 
-def _trouble(trouble: Mapping[str, str]) -> Iterator[RenderableType]:
+def _trouble(trouble: Mapping[str, Any]) -> Iterator[RenderableType]:
     colour = "red" if trouble["severity"] == "error" else "yellow"
     what = f"{escape(trouble['where'])}: {escape(trouble['what'])}"
     yield _words(f"[bold {colour}]{escape(trouble['severity'])}[/] {what}")
     since = f"since {_time_of(trouble['since'])} " if "since" in trouble else ""
     yield _words(f"  {since}→ {escape(trouble['remedy'])}")
+    if seen := trouble.get("acknowledged"):
+        yield _words(f"  acknowledged by {escape(seen['by'])}, {_time_of(seen['at'])}")
 
 
 def _gateway(gateway: Mapping[str, Any]) -> Iterator[RenderableType]:

@@ -242,7 +242,7 @@ def test_the_verdict_stands_on_top_in_one_word_with_since_when() -> None:
     )
 
 
-def test_a_trouble_says_since_when() -> None:
+def test_a_trouble_says_since_when_and_who_has_seen_it() -> None:
     model = copy.deepcopy(MODEL)
     model["troubles"] = [
         {
@@ -251,11 +251,13 @@ def test_a_trouble_says_since_when() -> None:
             "what": "its drive (unit id 1) has not answered for 12 s",
             "remedy": "check power",
             "since": "2026-05-01T12:00:00+00:00",
+            "acknowledged": {"by": "shift", "at": "2026-05-01T12:00:00+00:00"},
         }
     ]
     shown = io.StringIO()
     show_status(Console(file=shown, width=200), model)
-    first, second = shown.getvalue().splitlines()[:2]
+    first, second, third = shown.getvalue().splitlines()[:3]
     assert first == "error axis x: its drive (unit id 1) has not answered for 12 s"
     then = datetime(2026, 5, 1, 12, tzinfo=UTC).astimezone()
     assert second == f"  since {then:%Y-%m-%d %H:%M:%S} → check power"
+    assert third == f"  acknowledged by shift, {then:%Y-%m-%d %H:%M:%S}"
