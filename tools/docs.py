@@ -64,14 +64,14 @@ def troubles() -> str:
     lines = [
         (
             f"`{entry.kind}`",
-            f"{entry.severity.value}, {entry.audience.value}",
+            entry.severity.value,
             entry.meaning,
             entry.cause,
             entry.remedy,
         )
         for entry in TROUBLES.values()
     ]
-    return table(("trouble", "severity, for whom", "means", "usual cause", "remedy"), lines)
+    return table(("trouble", "severity", "means", "usual cause", "remedy"), lines)
 
 
 def hidden() -> str:

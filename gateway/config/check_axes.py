@@ -23,6 +23,7 @@ from gateway.drives.registers import (
     position_spans,
     share_register,
 )
+from gateway.exchange.plan import CompensationMode
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
@@ -158,6 +159,12 @@ def _check_without_table(findings: Findings, path: KeyPath, axis: AxisSection) -
             )
     if axis.table is not None or findings.is_refused((*path, "table")):
         return
+    if axis.compensation is CompensationMode.ON and "compensation" in axis.model_fields_set:
+        findings.warn(
+            (*path, "compensation"),
+            'compensation = "on" without a table: positions pass uncorrected, and the axis is not green',
+            'name its file with `table` once it is measured; until then leave the key out, or write "off"',
+        )
     for key in ("backlash", "table_options"):
         if key in axis.model_fields_set:
             findings.refuse((*path, key), f"{key} without a table", "name the table file, or leave it out")

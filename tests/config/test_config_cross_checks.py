@@ -167,6 +167,20 @@ def test_cut_through_is_for_a_line_between_two_serial_ports(tmp_path: Path, text
     assert "byte by byte" in problem.remedy
 
 
+@pytest.mark.parametrize(
+    ("mode", "warned"), [('compensation = "on"\n', True), ('compensation = "off"\n', False), ("", False)]
+)
+def test_an_axis_that_is_to_be_corrected_and_has_no_table_is_warned_of(
+    tmp_path: Path, mode: str, *, warned: bool
+) -> None:
+    text = edited(('table = "cnc10x.tab"\n', mode))
+    warnings = loaded(tmp_path, text).warnings
+    assert [each.key for each in warnings] == (["axis.x.compensation"] if warned else [])
+    if warned:
+        assert warnings[0].line == line_of(text, mode.strip())
+        assert warnings[0].found.startswith('compensation = "on" without a table: positions pass uncorrected')
+
+
 def test_an_open_port_without_allow_is_warned_of(tmp_path: Path) -> None:
     text = edited(("127.0.0.1:1502", "0.0.0.0:1502"))
     [warning] = loaded(tmp_path, text).warnings

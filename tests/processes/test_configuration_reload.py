@@ -1,12 +1,14 @@
 """The configuration is reloaded where that is safe; what needs a restart is named, and nothing changes."""
 
+import json
 import signal
+import time
 from typing import Any
 
 from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
 from tests.commands import typed
-from tests.processes.bench import Site, gateway_of
+from tests.processes.bench import SECONDS, Site, gateway_of
 
 
 def axis_status(site: Site) -> dict[str, Any]:
@@ -45,6 +47,33 @@ def test_gain_and_limits_are_taken_over_while_it_runs(site: Site) -> None:
     assert [note["keys"] for note in gateway.notes if note["event"] == "configuration-changed"] == [
         ["axis.x.gain", "axis.x.budget_us"]
     ] * 2
+
+
+def status_when(config: str, kinds: list[str]) -> dict[str, Any]:
+    """Look until these are the troubles; the supervisor looks five times a second."""
+    latest_s = time.monotonic() + SECONDS
+    while True:
+        status: dict[str, Any] = json.loads(typed("status", config, "--json").stdout)
+        if [each["kind"] for each in status["troubles"] if each["kind"] != "over-budget"] == kinds:
+            return status
+        assert time.monotonic() < latest_s, status["troubles"]
+
+
+def test_how_long_a_controller_may_be_silent_is_taken_over_while_it_runs(site: Site) -> None:
+    config = str(site.config)
+    text = site.config.read_text()
+    with gateway_of(site) as (gateway, master):
+        assert master.move(50_000) == 50_050
+        status_when(config, [])
+        for limit in ("0.001", "90000"):
+            site.config.write_text(text.replace('name = "cnc"', f'name = "cnc"\nsilent_after_s = {limit}'))
+            done = typed("reload", config)
+            assert (done.returncode, done.stderr) == (0, "")
+            assert done.stdout == "in force now: line.xyz.controllers[1].silent_after_s\n"
+            status = status_when(config, ["controller-silent"] if limit == "0.001" else [])
+            [controller] = status["lines"]["xyz"]["controllers"]
+            assert controller["silent_after_s"] == float(limit)
+        assert gateway.end() == 0
 
 
 def test_what_was_compiled_beside_a_gateway_that_runs_reaches_it_with_the_next_reload(site: Site) -> None:

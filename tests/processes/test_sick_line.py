@@ -15,8 +15,13 @@ from tests.processes.sick_line import GARBAGE, Client, Health, SickLine, kinds
 
 WAIT_MS = 30_000
 CODE_NO_ANSWER = bytes.fromhex("83 0B")
-CONTROLLERS = "[...document.querySelectorAll('.controller-state')].map((one) => one.textContent)"
-STATES = "[...document.querySelectorAll('article.axis .state')].map((one) => one.textContent)"
+CONTROLLERS = (
+    "[...document.querySelectorAll('.controller-state')].map((one) => one.textContent.split(',')[0])"
+)
+"""Without how long ago they asked."""
+STATES = (
+    "[...document.querySelectorAll('article.axis .state span:not(.since)')].map((one) => one.textContent)"
+)
 
 
 @pytest.fixture

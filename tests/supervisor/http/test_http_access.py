@@ -33,6 +33,7 @@ async def test_whoever_shows_the_token_looks(tmp_path: Path) -> None:
             "by": "people",
             "how": "token",
             "ends_in_s": None,
+            "may_acknowledge": False,
         }
         assert (await visitor.ask("/", bearer(TOKEN))).body.count(b"page/page.js") == 1
 

@@ -92,6 +92,7 @@ async def test_a_certificate_of_a_client_is_enough_beside_tokens(tmp_path: Path,
             "by": "panel",
             "how": "certificate",
             "ends_in_s": None,
+            "may_acknowledge": False,
         }
         assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
 
