@@ -42,10 +42,10 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
     from gateway.ipc.notes import note_writer, take_standard_error
 
     take_standard_error(log_format)
-    compile_for_start_or_exit(config)
+    compiled_into = "--state", str(compile_for_start_or_exit(config))
     code = run_both(
-        command_of("gateway.relay", config, log_format, "--status-every", str(status_every)),
-        command_of("gateway.supervisor", config, log_format),
+        command_of("gateway.relay", config, log_format, "--status-every", str(status_every), *compiled_into),
+        command_of("gateway.supervisor", config, log_format, *compiled_into),
         note_writer(log_format),
     )
     if code:

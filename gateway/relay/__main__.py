@@ -33,8 +33,8 @@ def main() -> int:
     if not options.parent:  # a child of run is no service of its own
         service = Service(manager_of(os.environ), tuple(handed_over(os.environ)))
     try:
-        state = state_folder(config)
-        plan = read_plan(state, config).plan
+        state = options.state or state_folder(config)
+        plan = read_plan(state, config, is_compared=options.state is None).plan
         run_relay(
             plan,
             note_writer(options.log_format),

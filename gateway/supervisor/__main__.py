@@ -28,7 +28,7 @@ def main() -> int:
     try:
         run_supervisor(
             config,
-            state_folder(config),
+            options.state or state_folder(config),
             note_writer(options.log_format),
             tells_events=options.tells_events,
             manager=manager,

@@ -2,21 +2,28 @@
 
 import signal
 import socket
+import subprocess
 import time
 
 import msgspec
 
+from gateway.cli.configuration import compile_for_start_or_exit
+from gateway.cli.processes import command_of
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
+from gateway.ipc.notes import LogFormat
 from gateway.ipc.state_folder import PLAN_NAME
 from gateway.ipc.state_version import VERSION, sealed, unsealed
 from gateway.ipc.supervisor_client import ask_supervisor
+from tests.child import started
 from tests.commands import typed
 from tests.processes.bench import (
+    ROOT,
     SECONDS,
     STEEPER,
     TABLE,
     Master,
+    Running,
     Site,
     children,
     gateway_of,
@@ -47,6 +54,25 @@ def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
     assert changed.stderr == (
         f"{config}: {config} has changed since it was compiled; run: pitch-gateway check --compile {config}\n"
     )
+
+
+def test_a_configuration_that_is_edited_while_run_starts_its_programs_ends_neither(site: Site) -> None:
+    """``run`` has compiled what it read; its two programs start from that, whatever the file says by then."""
+    compiled_into = "--state", str(compile_for_start_or_exit(site.config))
+    site.config.write_text("[gateway\n")  # as a text editor leaves it for a moment
+    relay_command = command_of("gateway.relay", site.config, LogFormat.JSON, *compiled_into)
+    supervisor_command = command_of("gateway.supervisor", site.config, LogFormat.JSON, *compiled_into)
+    with started(relay_command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+        relay = Running(process)
+        relay.until("line-up")
+        master = site.master()
+        assert master.move(50_000) == 50_050
+        master.close()
+        with started(supervisor_command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as other:
+            supervisor = Running(other)
+            supervisor.until("relay-reached")
+            assert supervisor.end() == 0
+        assert relay.end() == 0
 
 
 def test_after_a_bad_table_the_relay_starts_with_the_last_good_one(site: Site) -> None:
