@@ -107,6 +107,17 @@ class StartEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class RemarkEntry:
+    """A remark about a table, as ``check`` and ``table lint`` print its code."""
+
+    code: str
+    severity: str
+    """In words: an error keeps the table from being loaded, and what is refused is no table."""
+    meaning: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
 class StateEntry:
     """A word of the status."""
 
