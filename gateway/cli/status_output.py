@@ -181,9 +181,9 @@ def _positions(axes: Mapping[str, Any]) -> Table:
     What is no reading of now is dim; :func:`_ages` says how old it is.
     """
     table = _table("axis", "compensation", "direction")
-    for heading in ("target", "on the drive", "actual", "on the drive"):
-        table.add_column(heading, justify="right")
-    table.add_column("units")
+    for heading in ("target", "on the\ndrive", "actual", "on the\ndrive"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("units", no_wrap=True)
     for name, axis in axes.items():
         position = axis.get("position") or {"of": None}
         is_read = position["of"] == "reading" or "position" not in axis
@@ -276,9 +276,10 @@ def _times(axes: Mapping[str, Any]) -> Table:
 
 
 def _table(*headings: str) -> Table:
+    """Return a table whose first column holds names: these are never broken, however narrow it gets."""
     table = Table(box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, header_style="bold")
-    for heading in headings:
-        table.add_column(heading, overflow="fold")
+    for number, heading in enumerate(headings):
+        table.add_column(heading, overflow="fold", no_wrap=number == 0)
     return table
 
 

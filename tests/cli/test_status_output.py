@@ -261,3 +261,17 @@ def test_a_trouble_says_since_when_and_who_has_seen_it() -> None:
     then = datetime(2026, 5, 1, 12, tzinfo=UTC).astimezone()
     assert second == f"  since {then:%Y-%m-%d %H:%M:%S} → check power"
     assert third == f"  acknowledged by shift, {then:%Y-%m-%d %H:%M:%S}"
+
+
+def test_names_and_numbers_stay_whole_on_eighty_columns() -> None:
+    model = copy.deepcopy(MODEL)
+    model["lines"]["xyz"]["controllers"][0]["name"] = "controller-mill"
+    far = {"nominal_setpoint": -1250.199, "corrected_setpoint": -1250.249, "corrected_actual": -1250.15}
+    model["axes"] = {"crossbeam-left": X | far | {"compensation": "unreferenced"}}
+    file = io.StringIO()
+    show_status(Console(file=file, width=80, highlight=False), model)
+    words = file.getvalue().split()
+    assert words.count("controller-mill") == 1
+    assert words.count("crossbeam-left") == 3
+    assert {"-1250.1990", "-1250.2490", "-1250.1500"} <= set(words)
+    assert "…" not in file.getvalue()
