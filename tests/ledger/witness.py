@@ -174,6 +174,7 @@ class Witness:
         if deed.kind == "jog" or deed.was_moving:
             self.place = None
         if deed.kind == "jog":
+            self.is_in_doubt = True  # between start and target it looks to the gateway like on its way
             self._fade_from(deed.was_at)
             self.faded += self._left
         self._run_range = self.place
@@ -311,7 +312,9 @@ class Witness:
         if not self._was_nothing:
             self.is_from_run = self._run_range is not None
         self.place = self._run_range
-        self.is_in_doubt = self._run_range is None
+        # A distance from a place in doubt ends at one.
+        is_certain = self._run_range is not None and self._run_range[0] == self._run_range[1]
+        self.is_in_doubt = not is_certain and (self.is_in_doubt or self._run_range is None)
         self._has_directions |= self._is_directed
         self._acknowledged = self._moves
         self._end_fade()
