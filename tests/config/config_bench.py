@@ -32,7 +32,6 @@ counts_per_unit = 1000.0
 travel = [-300.0, 0.0]
 table = "cnc10x.tab"
 referenced = "drive-bit"
-compensation = "on"
 max_speed = 200.0
 
 [axis.x.registers]

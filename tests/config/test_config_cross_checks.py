@@ -23,7 +23,6 @@ units = "mm"
 counts_per_unit = 1000
 travel = [0, 100]
 referenced = "absolute"
-compensation = "on"
 registers.command = [{ address = 0x0700, type = "int32" }]
 """
 

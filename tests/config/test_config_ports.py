@@ -50,7 +50,6 @@ units = "mm"
 counts_per_unit = 1000
 travel = [0, 100]
 referenced = "drive-bit"
-compensation = "on"
 """
 
 

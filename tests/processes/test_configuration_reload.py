@@ -160,8 +160,8 @@ def test_a_wrong_configuration_changes_nothing_and_tables_go_on(site: Site) -> N
 
 def test_a_dry_run_ends_with_a_reload_and_comes_back_with_a_restart_only(site: Site) -> None:
     config, on = str(site.config), site.config.read_text()
-    assert on.count('compensation = "on"') == 1
-    shadow = on.replace('compensation = "on"', 'compensation = "shadow"')
+    assert 'compensation = "' not in on
+    shadow = on.replace('table = "x.tab"', 'table = "x.tab"\ncompensation = "shadow"')
     site.config.write_text(shadow)
     with gateway_of(site) as (gateway, master):
         assert master.move(50_000) == 50_000
@@ -186,7 +186,7 @@ def test_a_dry_run_ends_with_a_reload_and_comes_back_with_a_restart_only(site: S
 
 def test_a_dry_run_that_cannot_end_yet_is_not_said_to_have_ended(site: Site) -> None:
     config, on = str(site.config), site.config.read_text()
-    site.config.write_text(on.replace('compensation = "on"', 'compensation = "shadow"'))
+    site.config.write_text(on.replace('table = "x.tab"', 'table = "x.tab"\ncompensation = "shadow"'))
     with gateway_of(site) as (gateway, master):
         assert master.move(50_000) == 50_000
         site.drive.is_silent = True
