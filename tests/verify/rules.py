@@ -57,7 +57,11 @@ BUSY: Final = 6
 MASK: Final = 0x16
 BOTH: Final = 0x17
 """Writes, and then reads."""
-READ_BITS: Final = b"\x03" + STATUS.to_bytes(2, "big") + b"\x00\x01"
+LOOKS: Final = (
+    b"\x03" + STATUS.to_bytes(2, "big") + b"\x00\x01",
+    b"\x03" + ACTUAL.address.to_bytes(2, "big") + b"\x00\x02",
+)
+"""What the gateway reads by itself behind a restart."""
 READABLE: Final = frozenset(
     {(ACTUAL.address, 2), (COMMAND.address, 2), (COMMANDED.address, 2), (STATUS, 1), (TRIGGER, 1), (MODE, 1)}
 )
@@ -1309,7 +1313,7 @@ def judge_answered(world: "World", wire: "Wire") -> None:
     request = _find(world, wire.owner, wire.transaction_id) if wire.owner >= 0 else None
     if request is None:
         return
-    if world.design.has_record and wire.pdu == READ_BITS:
+    if world.design.has_record and wire.pdu in LOOKS:
         # The gateway's own read behind a restart looks the same: the one of the controller is still to come.
         _replace(world, wire.owner, request._replace(is_sent=False))
     else:
