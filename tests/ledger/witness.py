@@ -174,7 +174,6 @@ class Witness:
         if deed.kind == "jog" or deed.was_moving:
             self.place = None
         if deed.kind == "jog":
-            self.is_in_doubt = True  # between start and target it looks to the gateway like on its way
             self._fade_from(deed.was_at)
             self.faded += self._left
         self._run_range = self.place
@@ -312,9 +311,7 @@ class Witness:
         if not self._was_nothing:
             self.is_from_run = self._run_range is not None
         self.place = self._run_range
-        # A distance from a place in doubt ends at one.
-        is_certain = self._run_range is not None and self._run_range[0] == self._run_range[1]
-        self.is_in_doubt = not is_certain and (self.is_in_doubt or self._run_range is None)
+        self.is_in_doubt = self._run_range is None
         self._has_directions |= self._is_directed
         self._acknowledged = self._moves
         self._end_fade()
@@ -339,6 +336,12 @@ class Witness:
         if not self.drive.motor.is_moving(self.now_ns):
             self._left = 0.0
         self.reading_failed = False
+
+    @property
+    def is_seen_at_rest(self) -> bool:
+        """Whether the gateway was told that the axis has come to where it was sent."""
+        told = self._told
+        return told is not None and told[0] > self.began_ns and told[1] == self.drive.motor.end
 
     def decides(self) -> None:
         """Note that a branch is decided now: what came just now is as good as what was asked for.
