@@ -3,7 +3,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 TOOLS := build/tools
 # More than cores, because most of the long ones wait for programs that they started.
-PYTEST := $(BIN)/python -m pytest --numprocesses $(shell expr $$(nproc) + 2) --dist loadfile --no-loadscope-reorder
+PYTEST_OPTIONS := --numprocesses $(shell expr $$(nproc) + 2) --dist loadfile --no-loadscope-reorder
+PYTEST := $(BIN)/python -m pytest $(PYTEST_OPTIONS)
+LOWEST := build/lowest
 
 # Nothing of ours is a plugin of pydantic; to look for one reads what is installed, in each of them.
 export PYDANTIC_DISABLE_PLUGINS := __all__
@@ -24,7 +26,10 @@ help: ## this list
 setup: ## a virtual environment with the package and its tools
 	@VENV="$(VENV)" tools/bootstrap.sh
 
-demo: setup ## see a worn machine become accurate
+program: ## of setup the program alone, with what it runs on
+	@VENV="$(VENV)" tools/bootstrap.sh --editable .
+
+demo: program ## see a worn machine become accurate
 	@$(BIN)/pitch-gateway demo
 
 test-programs: # a broker and a browser
@@ -37,6 +42,11 @@ quick-tests: setup # of quick the tests alone
 
 test-pythons: setup ## the tests of quick on every Python that is claimed and found; PYTHONS="PATH ..." names more
 	$(BIN)/python tools/pythons.py
+
+test-lowest: setup ## the tests of quick on the lowest versions that pyproject.toml allows; needs Python 3.11 or 3.12
+	@mkdir -p build && $(BIN)/python -m tools.lowest > $(LOWEST).txt
+	@VENV=$(LOWEST) tools/bootstrap.sh --constraint $(LOWEST).txt --editable '.[dev,docs]'
+	$(LOWEST)/bin/python -m pytest $(PYTEST_OPTIONS) -m quick
 
 test: setup test-programs ## everything: checks, unit, property and end-to-end tests
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync check collected
@@ -111,9 +121,9 @@ lock: ## pin what is installed into deploy/requirements.txt: the newest that pyp
 	@VENV=$(TOOLS)/uv tools/bootstrap.sh uv
 	$(TOOLS)/uv/bin/python tools/lock.py
 
-audit: ## ask whether a hole is known in what is pinned, and say so where nobody can be asked
+audit: ## ask whether a hole is known in what is pinned or lowest, and say so where nobody can be asked
 	@VENV=$(TOOLS)/pip-audit tools/bootstrap.sh pip-audit
-	@$(TOOLS)/pip-audit/bin/python tools/audit.py
+	@$(TOOLS)/pip-audit/bin/python -m tools.audit
 
 site: setup ## the documents as a site, into build/site: open index.html there
 	@$(BIN)/python -m tools.make_site

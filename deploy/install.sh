@@ -23,7 +23,7 @@ usage: install.sh [options] install | uninstall | rollback | status
   --find-links DIR    take packages from this folder, and none from an index: for machines without a network
   --python PYTHON     Python 3.11 or newer; default: Debian's python3, if it is new enough
   --enable            start the services with the machine from now on (not now: that is systemctl start)
-  --purge             with uninstall: remove configuration, tables and state too; asks first
+  --purge             with uninstall: remove configuration, tables, state and drop-ins of the units too; asks first
   --yes               do not ask
   --prefix-root DIR   install into the tree in DIR, as into a mounted disk
   --dry-run           say what would be done, and change nothing
@@ -74,6 +74,8 @@ fi
 # from; /opt/pitch-gateway is a link to the one that is installed, and changes at one stroke.
 readonly CURRENT=/opt/$NAME PREVIOUS=/opt/$NAME.previous RELEASES=/opt/$NAME.releases
 readonly ETC=/etc/$NAME STATE=/var/lib/$NAME LIB=/usr/local/lib SHARE=/usr/local/share
+# What `pitch-gateway service` wrote, and what an administrator put beside it.
+readonly DROP_INS=(/etc/systemd/system/"$NAME"-{relay,supervisor}.service.d)
 readonly COMMAND_LINK=/usr/local/bin/$NAME
 readonly UNITS=("$NAME.target" "$NAME-supervisor.service" "$NAME-relay.service")
 
@@ -295,8 +297,7 @@ do_uninstall() {
 
 say_what_stays() {
     local path
-    # The last two are what `pitch-gateway service` wrote.
-    for path in "$ETC" "$STATE" "/etc/systemd/system/$NAME"-{relay,supervisor}.service.d; do
+    for path in "$ETC" "$STATE" "${DROP_INS[@]}"; do
         [ ! -e "$root$path" ] || say "left: $path"
     done
     ! grep -q "^$NAME:" "$root/etc/passwd" || say "left: the user $NAME, to whom the files belong"
@@ -305,14 +306,16 @@ say_what_stays() {
 purge() {
     local answer=''
     if [ -z "$is_yes" ]; then
-        say "This removes $ETC with the configuration, the measured tables and the secrets, and $STATE."
+        say "This removes $ETC with the configuration, the measured tables and the secrets, $STATE,"
+        say "and what was added to the units: ${DROP_INS[*]}."
         read -r -p "Type 'remove' to do it: " answer || true
         [ "$answer" = remove ] || die "nothing more was removed"
     fi
-    [ -z "$is_dry" ] || { say "would remove $ETC, $STATE and the user $NAME"; return; }
-    rm -rf "$root$ETC" "$root$STATE"
+    [ -z "$is_dry" ] || { say "would remove $ETC, $STATE, ${DROP_INS[*]} and the user $NAME"; return; }
+    rm -rf "$root$ETC" "$root$STATE" "${DROP_INS[@]/#/$root}"
+    ! is_systemd_running || systemctl daemon-reload
     ! grep -q "^$NAME:" "$root/etc/passwd" || userdel ${root:+--root "$root"} $NAME
-    say "removed: $ETC, $STATE, the user $NAME"
+    say "removed: $ETC, $STATE, ${DROP_INS[*]}, the user $NAME"
 }
 
 do_status() {

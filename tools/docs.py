@@ -14,6 +14,7 @@ from gateway.catalogue.events import GROUPS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES
 from gateway.catalogue.lookup import code_of, severities
 from gateway.catalogue.refusals import REFUSALS
+from gateway.catalogue.remarks import REMARKS
 from gateway.catalogue.starts import EXIT_CODES, STARTS
 from gateway.catalogue.states import STATES
 from gateway.catalogue.troubles import HIDES, TROUBLES
@@ -64,14 +65,14 @@ def troubles() -> str:
     lines = [
         (
             f"`{entry.kind}`",
-            f"{entry.severity.value}, {entry.audience.value}",
+            entry.severity.value,
             entry.meaning,
             entry.cause,
             entry.remedy,
         )
         for entry in TROUBLES.values()
     ]
-    return table(("trouble", "severity, for whom", "means", "usual cause", "remedy"), lines)
+    return table(("trouble", "severity", "means", "usual cause", "remedy"), lines)
 
 
 def hidden() -> str:
@@ -131,6 +132,12 @@ def refusals() -> str:
     return table(("exception", "detail in the log", "cause", "remedy"), lines)
 
 
+def remarks() -> str:
+    """Return every remark about a table."""
+    lines = [(each.code, each.meaning, each.severity, each.remedy) for each in REMARKS]
+    return table(("code", "what", "severity", "remedy"), lines)
+
+
 def starts() -> str:
     """Return why a process does not start."""
     lines = [(f"“{entry.says}”", entry.cause, entry.remedy) for entry in STARTS]
@@ -177,6 +184,7 @@ PARTS: Final = {
     "counters": counters,
     "exceptions": exceptions,
     "refusals": refusals,
+    "remarks": remarks,
     "starts": starts,
     "exit codes": exit_codes,
     "status registers": status_registers,

@@ -57,7 +57,8 @@ LINE: Final = (
         "the silence after its time-out they could have left only with less than half of their controller's "
         "`timeout_ms` left; at most two in one silence, then a read is sent late",
         "look at the drive, as for `timeouts`. Where it is well but slow, a shorter `drain_ms` or a longer "
-        "`timeout_ms` of the controller lets them be sent; `pitch-gateway probe CONFIG --timing` measures",
+        "`timeout_ms` of the controller lets them be sent; with the gateway stopped "
+        "`pitch-gateway probe CONFIG --timing` measures",
     ),
     CounterEntry(
         "withdrawn",

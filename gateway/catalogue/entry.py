@@ -41,15 +41,6 @@ def entries_of(module: ModuleType) -> Iterator[EventEntry]:
             yield value
 
 
-class Audience(Enum):
-    """Who has to know of a trouble."""
-
-    OPERATOR = "operator"
-    """Whoever runs the machine: it stands in the banner."""
-    RETROFITTER = "retrofitter"
-    """Whoever installed the gateway: it stands with the figures that show it."""
-
-
 @dataclass(frozen=True, slots=True)
 class TroubleEntry:
     """Something that is wrong now, as banner, terminal and alerts show it until it is right."""
@@ -64,8 +55,7 @@ class TroubleEntry:
     title: str = ""
     """In two or three words, where an axis shows it in the place of its compensation."""
     cuts_off: bool = False
-    """No command reaches some drive as long as it lasts, and where its axis is nobody knows."""
-    audience: Audience = Audience.OPERATOR
+    """No command reaches some drive as long as it lasts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +103,17 @@ class StartEntry:
     says: str
     """How the sentence on standard error begins after the key or the file, … for what differs."""
     cause: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class RemarkEntry:
+    """A remark about a table, as ``check`` and ``table lint`` print its code."""
+
+    code: str
+    severity: str
+    """In words: an error keeps the table from being loaded, and what is refused is no table."""
+    meaning: str
     remedy: str
 
 

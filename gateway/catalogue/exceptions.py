@@ -19,7 +19,8 @@ EXCEPTIONS: Final = (
         "illegal data address",
         "the drive has no such register, or the request begins at one and ends beyond the last",
         "an address that counts from 1 in the manual and from 0 on the wire, or the map of another drive",
-        "compare the address with the manual, and with one less; `pitch-gateway probe CONFIG` reads them all",
+        "compare the address with the manual, and with one less; with the gateway stopped "
+        "`pitch-gateway probe CONFIG` reads them all",
     ),
     ExceptionEntry(
         0x03,

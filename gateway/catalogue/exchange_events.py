@@ -205,7 +205,8 @@ RECORD_NOT_USED: Final = EventEntry(
 WITHDRAWN: Final = EventEntry(
     "withdrawn",
     Severity.WARNING,
-    "a request was not sent: its controller had given up on it, or a stop of its axis came after it",
+    "a request was not sent: its controller had given up on it, or a stop of its axis came after it; told at "
+    "most once a second for each controller and reason, with how many there were",
     "the line is too slow for what all controllers want of it, a controller closed its connection, or a stop",
     "compare with `pitch-gateway budget CONFIG`; give the controller a longer time-out or a slower cycle",
 )

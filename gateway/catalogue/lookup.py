@@ -11,6 +11,7 @@ from gateway.catalogue.entry import CounterEntry, EventEntry, ExceptionEntry, Re
 from gateway.catalogue.events import EVENTS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES, code_in
 from gateway.catalogue.refusals import REFUSALS
+from gateway.catalogue.remarks import REMARKS
 from gateway.catalogue.starts import STARTS
 from gateway.catalogue.states import STATES
 from gateway.catalogue.troubles import TROUBLES
@@ -24,7 +25,8 @@ class Explanation:
     """One entry, whatever it is about; what an entry of its kind has not is empty."""
 
     kind: str
-    """``event``, ``trouble``, ``state``, ``counter``, ``exception``, ``start``; the command adds ``key``."""
+    """``event``, ``trouble``, ``state``, ``remark``, ``counter``, ``exception``, ``start``; the command adds
+    ``key``."""
     name: str
     severity: str
     meaning: str
@@ -47,7 +49,7 @@ def look_up(asked: str) -> list[Explanation]:
     []
     """
     text = asked.strip()
-    found = [entry for entry in _named() if entry.name == text.lower()]
+    found = [entry for entry in _named() if entry.name.lower() == text.lower()]
     if (counted := counter(text)) is not None:
         found.append(_counter(counted))
     if (code := code_in(text)) is not None:
@@ -118,6 +120,8 @@ def _named() -> Iterator[Explanation]:
     for key, states in STATES.items():
         for state in states:
             yield _made("state", state.name, "", f"{key}: {state.meaning}", "", state.remedy)
+    for remark in REMARKS:
+        yield _made("remark", remark.code, remark.severity, remark.meaning, "", remark.remedy)
 
 
 def _counter(entry: CounterEntry) -> Explanation:

@@ -19,7 +19,7 @@ SHADOW: Final = EventEntry(
     Severity.WARNING,
     "the axis is in shadow mode: corrections are computed and shown, positions pass 1:1",
     '`compensation = "shadow"`',
-    'set `compensation = "on"` when what it shows is right',
+    'set `compensation = "on"` when what it shows is right, then `pitch-gateway reload CONFIG`',
 )
 READY: Final = EventEntry(
     "ready",
@@ -56,6 +56,21 @@ UNEXPECTED: Final = EventEntry(
     "something failed that the gateway does not provide for; `traceback` says where",
     "a mistake in the gateway, or a limit of the system such as the number of open files",
     "keep the log and report it; raise the limit where the detail names one",
+)
+STANDARD_ERROR: Final = EventEntry(
+    "standard-error",
+    Severity.ERROR,
+    "`detail` is a line that a process wrote on standard error as text, where its log is JSON",
+    "a start that fails, or a message of a library",
+    "do what the detail says",
+)
+CONFIGURATION_WARNING: Final = EventEntry(
+    "configuration-warning",
+    Severity.WARNING,
+    "something in the configuration or in a table is probably wrong, and the gateway starts all the same; "
+    "told where the log is JSON",
+    "what `pitch-gateway check CONFIG` warns of",
+    "do what the detail says",
 )
 NOTES_DROPPED: Final = EventEntry(
     "notes-dropped",

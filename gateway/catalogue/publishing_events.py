@@ -39,6 +39,19 @@ TOKEN_UNUSABLE: Final = EventEntry(
     "the file was removed, emptied, or may be read or written by every user",
     "do what the detail says; the file is read again by itself",
 )
+ALARM_ACKNOWLEDGED: Final = EventEntry(
+    "alarm-acknowledged",
+    Severity.INFO,
+    "somebody has seen an alarm: `by` is the name of his token. Nothing changes at the machine",
+    "the button of the page, or `POST /acknowledge`",
+)
+ACKNOWLEDGEMENTS_LOST: Final = EventEntry(
+    "acknowledgements-lost",
+    Severity.WARNING,
+    "which alarms were acknowledged before the restart is not known: they stand there as new ones",
+    "somebody changed `acknowledged.json` in the state folder, or its disk is bad",
+    "acknowledge them again",
+)
 HTTP_FAILED: Final = EventEntry(
     "http-failed",
     Severity.ERROR,
@@ -81,7 +94,8 @@ MQTT_COMMAND_IGNORED: Final = EventEntry(
 MQTT_COMMANDS_TOO_MANY: Final = EventEntry(
     "mqtt-commands-too-many",
     Severity.WARNING,
-    "commands came faster than they are taken, and were not carried out: how many, and the last of them",
+    "commands came faster than they are taken, or waited when the gateway ended, and were not carried out: "
+    "how many, and the last of them",
     "a program in a loop, or somebody who means harm",
     "find out who publishes them; give the last one again if it is to hold",
 )

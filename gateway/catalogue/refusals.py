@@ -165,7 +165,8 @@ REFUSALS: Final = (
         0x04,
         "",
         "the reply of the drive cannot be turned back into what the controller asked for",
-        "check `type`, `words` and `scale` of the positions with `pitch-gateway probe CONFIG`",
+        "check `type`, `words` and `scale` of the positions; with the gateway stopped "
+        "`pitch-gateway probe CONFIG` tells",
     ),
     RefusalEntry(
         0x06,

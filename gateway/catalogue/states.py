@@ -25,7 +25,7 @@ COMPENSATION: Final = (
     StateEntry(
         "shadow",
         "corrections are computed and shown; positions pass 1:1",
-        'set `compensation = "on"` when what it shows is right',
+        'set `compensation = "on"` when what it shows is right, then `pitch-gateway reload CONFIG`',
     ),
     StateEntry(
         "blocked",
@@ -61,7 +61,7 @@ TABLE_FILE: Final = (
     StateEntry(
         "removed",
         "the file is gone, or was renamed to `.bak`: the axis is not corrected",
-        "put the file back, or take it out of the configuration",
+        "put the file back, or take it out of the configuration, then `pitch-gateway reload CONFIG`",
     ),
 )
 """``axes.NAME.table.status``."""

@@ -3,12 +3,15 @@
 from collections.abc import Mapping
 from typing import Final
 
-from gateway.catalogue.entry import Audience, Severity, TroubleEntry
+from gateway.catalogue.entry import Severity, TroubleEntry
 
 SILENT_S: Final = 2.0
 """A drive whose requests have been left unanswered for so long is silent; one lost answer is not."""
 FEWEST_ASKED: Final = 3
 """A unit id without an axis that left fewer requests unanswered was only looked for."""
+CONTROLLER_SILENT_S: Final = 5.0
+"""A line that no motion controller has asked for so long has none. Motion controllers poll several times a
+second, and one that connects again is back sooner; ``writer_hold_s`` is as long for the same reason."""
 RELAY_DOWN: Final = TroubleEntry(
     "relay-down",
     Severity.ERROR,
@@ -61,7 +64,7 @@ DRIVE_GARBLED: Final = TroubleEntry(
     "another baud rate or parity than the drive has, A and B exchanged, no termination, two drives with one "
     "unit id",
     "compare baud rate and parity with those of the drive, then exchange A and B, then look at termination "
-    "and unit ids; pitch-gateway probe asks each drive once",
+    "and unit ids; pitch-gateway capture --follow shows the bytes that come",
     title="Drive not understood",
     cuts_off=True,
 )
@@ -80,8 +83,19 @@ DRIVE_SILENT: Final = TroubleEntry(
     Severity.ERROR,
     "the drive of an axis does not answer",
     "power, cable, or a drive that hangs; where it has never answered also unit id, baud rate and parity",
-    "check power, cable, unit id, baud rate and parity; pitch-gateway probe asks each drive once",
+    "check power, cable, unit id, baud rate and parity; pitch-gateway capture --follow shows what is asked "
+    "and what comes. To look for its unit id, stop the gateway, then pitch-gateway probe --scan",
     title="Drive silent",
+    cuts_off=True,
+)
+PORT_CLOSED: Final = TroubleEntry(
+    "controller-port-closed",
+    Severity.ERROR,
+    "the serial port of a controller cannot be opened: nothing that it sends is heard",
+    "the adapter was unplugged, another program has the port, or the name in the configuration is wrong",
+    "plug the adapter in, end the other program, or mend `rtu` of the controller; the port is tried again by "
+    "itself",
+    title="No controller",
     cuts_off=True,
 )
 CONTROLLER_GARBLED: Final = TroubleEntry(
@@ -91,7 +105,26 @@ CONTROLLER_GARBLED: Final = TroubleEntry(
     "another baud rate or parity than the controller has, A and B exchanged, or a device that speaks "
     "something else",
     "compare baud rate and parity of the port with those of the controller, then exchange A and B",
+    title="Controller not understood",
     cuts_off=True,
+)
+CONTROLLER_ABSENT: Final = TroubleEntry(
+    "controller-absent",
+    Severity.WARNING,
+    "no controller is connected where one ought to be: nobody moves the axes",
+    "the controller is off, its cable is out, or it connects to another address or port",
+    "switch the controller on and check its cable and the address it connects to; where it may stay away for "
+    "long, say so with `silent_after_s` of the controller",
+    title="No controller",
+)
+CONTROLLER_SILENT: Final = TroubleEntry(
+    "controller-silent",
+    Severity.WARNING,
+    "a controller is connected or wired, and asks for nothing: nobody moves the axes",
+    "its program does not run, it is off, or its cable to the serial port is out",
+    "look at the controller and its program, then at the cable; where it may be silent for long, say so with "
+    "`silent_after_s` of the controller",
+    title="Controller silent",
 )
 CONTROLLER_DAMAGED: Final = TroubleEntry(
     "controller-damaged",
@@ -187,14 +220,23 @@ OFF: Final = TroubleEntry(
     Severity.WARNING,
     "the compensation is off: positions pass uncorrected",
     'somebody switched it off, `compensation = "off"`, or a register that moves others about was written',
-    "switch it on with pitch-gateway enable",
+    "switch it on with pitch-gateway enable; after `compensation-ended` start the gateway again",
 )
 SHADOW: Final = TroubleEntry(
     "shadow",
     Severity.WARNING,
     "shadow mode: corrections are shown and not applied",
     '`compensation = "shadow"`',
-    'to apply them set compensation = "on" in the configuration',
+    'to apply them set compensation = "on" in the configuration, then pitch-gateway reload while the axis '
+    "stands",
+)
+NO_TABLE: Final = TroubleEntry(
+    "no-table",
+    Severity.WARNING,
+    "there is no table: positions pass uncorrected",
+    "the axis names no table, as before it is measured, or its file was never good",
+    "measure the axis and name its file with `table`; where it is to stay uncorrected, set "
+    '`compensation = "off"`',
 )
 OUTSIDE: Final = TroubleEntry(
     "outside",
@@ -209,13 +251,14 @@ TABLE_REJECTED: Final = TroubleEntry(
     "a table file is bad: the last good table stays, where there was one",
     "a mistake in the file, or one that does not fit the axis",
     "mend the file: it is read again as soon as it is saved",
+    title="Table refused",
 )
 TABLE_REMOVED: Final = TroubleEntry(
     "table-removed",
     Severity.WARNING,
     "a table file is not there: positions pass uncorrected",
     "the file was renamed or taken away",
-    "put the file back, or take it out of the configuration",
+    "put the file back, or take it out of the configuration, then pitch-gateway reload",
 )
 OVER_BUDGET: Final = TroubleEntry(
     "over-budget",
@@ -223,7 +266,6 @@ OVER_BUDGET: Final = TroubleEntry(
     "the gateway takes longer than `budget_us` for the exchanges of an axis",
     "the machine is busy with something else",
     "look at the load of the machine; pitch-gateway budget shows what the line can hold",
-    audience=Audience.RETROFITTER,
 )
 SENSOR_SILENT: Final = TroubleEntry(
     "sensor-silent",
@@ -247,12 +289,19 @@ TERM_TOO_LARGE: Final = TroubleEntry(
     "a warm machine with a table that needs nearly all of `max_correction`, or a wrong `alpha` or `fixed_at`",
     "check alpha, reference and fixed_at of the axis; raise max_correction only if the machine is that bad",
 )
+SUPERVISOR_DOWN: Final = TroubleEntry(
+    "supervisor-down",
+    Severity.WARNING,
+    "the supervisor does not answer: tables are not watched, and page and MQTT say nothing",
+    "it was not started, ended, or cannot start: a mistake in the configuration, a full disk",
+    "look at its log, then start it; the relay goes on with what it has",
+)
 CONFIGURATION: Final = TroubleEntry(
     "configuration",
     Severity.WARNING,
     "the configuration in its file could not be taken: the one before it is in force",
     "a mistake in it, or a key that needs a restart",
-    "run pitch-gateway check: it says what to do",
+    "where it asks for a restart, start the gateway again; else pitch-gateway check names what to mend",
 )
 TABLES_FOLDER: Final = TroubleEntry(
     "tables_folder",
@@ -287,7 +336,7 @@ TROUBLES: Final[Mapping[str, TroubleEntry]] = {
     entry.kind: entry for entry in tuple(globals().values()) if isinstance(entry, TroubleEntry)
 }
 """Every kind of trouble, worst first within a severity: gateway, line, drive, axis, supervisor."""
-OF_COMPENSATION: Final = (BLOCKED, UNREFERENCED, OFF, SHADOW, OUTSIDE)
+OF_COMPENSATION: Final = (BLOCKED, UNREFERENCED, OFF, SHADOW, NO_TABLE, OUTSIDE)
 """Those that are called as a state of the compensation, and say nothing but what that means."""
 OF_SUPERVISOR: Final = (CONFIGURATION, TABLES_FOLDER, STATE_FOLDER, HTTP, MQTT)
 """Those that are called as the key of ``supervisor`` in the status that has their ``problem``."""
@@ -296,7 +345,7 @@ _OF_TABLE: Final = (TABLE_REJECTED, TABLE_REMOVED)
 _OF_RELAY: Final = tuple(
     entry
     for entry in TROUBLES.values()
-    if entry not in (RELAY_DOWN, RELAY_SILENT, *_OF_TABLE, *OF_SUPERVISOR)
+    if entry not in (RELAY_DOWN, RELAY_SILENT, *_OF_TABLE, SUPERVISOR_DOWN, *OF_SUPERVISOR)
 )
 """Those that are told from what the relay says: of one that says nothing nobody knows whether they last."""
 HIDES: Final[Mapping[TroubleEntry, tuple[TroubleEntry, ...]]] = {
@@ -308,9 +357,11 @@ HIDES: Final[Mapping[TroubleEntry, tuple[TroubleEntry, ...]]] = {
     DRIVE_GARBLED: (DRIVE_SILENT, DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
     OTHER_ID: (DRIVE_SILENT, DRIVE_DAMAGED, UNIT_SILENT, BLOCKED, UNREFERENCED),
     DRIVE_SILENT: (DRIVE_DAMAGED, BLOCKED, UNREFERENCED),
-    CONTROLLER_GARBLED: (CONTROLLER_DAMAGED,),
+    PORT_CLOSED: (CONTROLLER_GARBLED, CONTROLLER_DAMAGED, CONTROLLER_ABSENT, CONTROLLER_SILENT),
+    CONTROLLER_GARBLED: (CONTROLLER_DAMAGED, CONTROLLER_ABSENT, CONTROLLER_SILENT),
     WRONG_UNIT_ID: (UNKNOWN_UNIT, UNHEARD_CONTROLLER, UNIT_SILENT),
     UNHEARD_CONTROLLER: (UNKNOWN_UNIT, UNIT_SILENT),
+    TABLE_REJECTED: (NO_TABLE,),
     TABLE_REMOVED: OF_COMPENSATION,
 }
 """What follows from a trouble in the same place, or within it, and is not told as long as that lasts."""

@@ -39,7 +39,9 @@ def check(
     """
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
+    from gateway.ipc.notes import take_standard_error
 
+    take_standard_error()  # the unit of the relay checks first
     try:
         loaded = load(config)
     except ConfigErrors as errors:

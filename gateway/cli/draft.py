@@ -74,6 +74,12 @@ class Draft:
             return serial_of(asked, self.profile)
         return USUAL._replace(**{key: value for key, value in asked._asdict().items() if value is not None})
 
+    @property
+    def read_address(self) -> int:
+        """Return a register that the drive can be asked for: that of its position, where that is known."""
+        places = () if self.profile is None else self.profile.registers.actual
+        return next((place.address for place in places), 0)
+
     def wants_format(self, name: str) -> bool:
         """Whether how a port is set has to be asked: it is a serial one, and no option said it."""
         is_serial = str(self.answers.get(FORMATS[name], "")).startswith("/")
@@ -85,7 +91,9 @@ class Draft:
         Raises:
             ValueError: the configuration would refuse it; says what was found and what is allowed.
         """
-        answers = {**self.answers, name: serial_format(str(answer)) if name in FORMATS else answer}
+        if name in FORMATS:
+            answer = serial_format(str(answer), self.serial(name))
+        answers = {**self.answers, name: answer}
         problems = problems_of_draft(self._file, self._tables(answers))
         new = [problem for problem in problems if problem.found != "missing" and problem not in self._known]
         own = [problem for problem in new if self._is_about(problem, name)]

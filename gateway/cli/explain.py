@@ -48,7 +48,7 @@ def explain(
         str | None,
         typer.Argument(
             metavar="NAME",
-            help="An event, state, counter, exception, sentence of the log, or key; none: all but the keys.",
+            help="An event, state, counter, exception, remark, log sentence, or key; none: all but the keys.",
             show_default=False,
             autocompletion=_complete,
         ),
@@ -61,8 +61,8 @@ def explain(
     It knows every event of the log, of MQTT and of the page; the states of an axis; every counter of the
     status, the page and the metrics; the exceptions of Modbus, as a drive answers them and as the gateway
     itself does, however the code is written (0x0B, 0Bh, 11, "83 0B", ILLEGAL_DATA_ADDRESS), or by their
-    sentence in the log; why a relay does not start; and every key of the configuration. docs/operations.md
-    and docs/configuration.md have the same.
+    sentence in the log; why a relay does not start; the remarks about tables (L8, R2); and every key of the
+    configuration. docs/operations.md, docs/tab-format.md and docs/configuration.md have the same.
 
     Exit code 1 when nothing is called so.
 
@@ -72,6 +72,8 @@ def explain(
         pitch-gateway explain 0x04
 
         pitch-gateway explain crc_errors
+
+        pitch-gateway explain L8
 
         pitch-gateway explain "it has not been compiled yet"
 

@@ -67,19 +67,23 @@ def serial_of(asked: Serial, profile: Profile) -> Serial:
 PARITIES: Final = {"N": "none", "E": "even", "O": "odd"}
 FORMAT_RULE: Final = (
     'allowed: baud rate, data bits, parity and stop bits as manuals write them, as in "115200 8E1"; or '
-    '"115200 even 1"'
+    '"115200 even 1"; a baud rate alone, as in "38400", leaves parity and stop bits as offered'
 )
 
 
-def serial_format(text: str) -> Serial:
-    """Return the settings of a serial port as a person writes them.
+def serial_format(text: str, offered: Serial = USUAL) -> Serial:
+    """Return the settings of a serial port as a person writes them; a baud rate alone changes ``offered``.
 
     Raises:
         ValueError: it is not understood; says what is allowed.
 
     >>> serial_format("115200 8E1"), serial_format("9600 none 2")
     (Serial(baudrate=115200, parity='even', stop_bits=1), Serial(baudrate=9600, parity='none', stop_bits=2))
+    >>> serial_format("38400", Serial(9600, "even", 1))
+    Serial(baudrate=38400, parity='even', stop_bits=1)
     """
+    if text.strip().isdecimal():
+        return offered._replace(baudrate=int(text))
     short = re.fullmatch(r"(\d+)[ ,/-]+8[ ,/-]?([NEO])[ ,/-]?([12])", text.strip().upper())
     if short is not None:
         return Serial(int(short[1]), PARITIES[short[2]], int(short[3]))

@@ -49,12 +49,17 @@ EXPLAINED: Final[Mapping[str, str]] = {
 COMPENSATION_QUESTION: Final = (
     "Are the pitch error compensation and the backlash compensation of the controller itself switched off?"
 )
+SCAN_QUESTION: Final = (
+    "Look for drives on {device}? Register {address:#06x} is read of unit ids 1 to 247 at every usual "
+    "setting; nothing is written; a minute. No controller may be on that line, and the machine must not move"
+)
 MEASURE_QUESTION: Final = (
     "The drives are there. Measure how long they take to answer (reads only, half a minute)?"
 )
 COMPENSATION_REFUSAL: Final = (
-    "the controller's own compensation and backlash have to be off, or the error is taken out twice; "
-    "switch them off there, then say so with --controller-compensation-off"
+    "nothing is written: the controller's own compensation and backlash have to be off, or the error is "
+    "taken out twice; switch them off there, then start this again and answer y (or give "
+    "--controller-compensation-off)"
 )
 
 
@@ -81,6 +86,7 @@ def init(
     referenced: options.Referenced = None,
     home_approach: options.HomeApproach = None,
     measure: options.Measure = None,
+    scan: options.Scan = False,
     ask: options.Ask = None,
     force: options.Force = False,
     systemd: options.Systemd = None,
@@ -96,8 +102,13 @@ def init(
     line, then the next three commands. The axis starts in "shadow": everything is computed and shown, nothing
     is changed.
 
+    Where baud rate, parity or unit ids of the drives are not known and nobody speaks on their line, --scan
+    asks each unit id for one register, at one usual setting after the other, and offers what answered.
+
     Examples:
         pitch-gateway init
+
+        pitch-gateway init --scan
 
         pitch-gateway init mill.toml --controller-compensation-off --drive oriental-az --units mm --unit-id 1
         --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 --counts-per-unit 1000 --travel -300 0
@@ -119,8 +130,12 @@ def init(
         "travel": travel,
         "home_approach": home_approach,
     }
+    if scan and not asking.is_on:
+        raise typer.BadParameter(
+            "it asks before it reads: run it on a terminal, or with --ask", param_hint="--scan"
+        )
     try:
-        _answer(draft, asking, given, is_compensation_off=controller_compensation_off)
+        _answer(draft, asking, given, is_compensation_off=controller_compensation_off, is_scan=scan)
         table = asking.optional(table, "Table file in the tables folder (none: leave empty)")
     except typer.Abort:
         _refuse("\nended before all was answered: nothing was written")
@@ -129,7 +144,7 @@ def init(
     _make_tables(file)
     if timing := _measured(file, asking, draft, measure=measure):
         _write(file, draft.text(table, state, timing), force=True)
-    is_good = _say_what_is_left(file, as_json=as_json)
+    is_good = _say_what_is_left(file, _next(file, state), as_json=as_json)
     if systemd is not None:
         _fit_units(file, systemd, is_good=is_good, is_quiet=as_json)
 
@@ -147,7 +162,9 @@ def _new_draft(file: Path, axis: str, drives: "Serial", controller: "Serial", *,
     return draft
 
 
-def _answer(draft: "Draft", asking: Asking, given: Mapping[str, Any], *, is_compensation_off: bool) -> None:
+def _answer(
+    draft: "Draft", asking: Asking, given: Mapping[str, Any], *, is_compensation_off: bool, is_scan: bool
+) -> None:
     """Have everything answered that the options leave open."""
     if not is_compensation_off and not asking.is_yes(COMPENSATION_QUESTION):
         _refuse(COMPENSATION_REFUSAL)
@@ -156,24 +173,28 @@ def _answer(draft: "Draft", asking: Asking, given: Mapping[str, Any], *, is_comp
         name, "--name", partial(text, "Name of the gateway", host_name()), partial(draft.take, "name")
     )
     _settle_drive(asking, draft, given["drive"])
-    _settle_rest(asking, draft, given)
+    _settle_rest(asking, draft, given, is_scan=is_scan)
     asking.refuse_if_incomplete()
 
 
 def _settle_drive(asking: Asking, draft: "Draft", given: str | None) -> None:
     """Have the drive named; the profiles that there are stand above the question."""
     from gateway.cli.drives_output import list_lines
+    from gateway.drives import library
 
-    for line in list_lines() if asking.is_on and given is None else ():
-        typer.echo(f"  {line}", err=True)
-    ask = partial(text, "Drive (a name of `pitch-gateway drives`, or a file of your own: ./my-drive.toml)")
+    names = library.names()
+    for number_, line in enumerate(list_lines()) if asking.is_on and given is None else ():
+        typer.echo(f"  {number_ or '':>2}  {line}", err=True)  # above the first stands what the columns are
+    ask = partial(
+        _choice, "Drive (a number or a name of the list, or a file of your own: ./my-drive.toml)", names
+    )
     try:
         asking.settle(given, "--drive", ask, partial(draft.take, "drive"))
     except typer.BadParameter as error:
         _refuse(error.message)
 
 
-def _settle_rest(asking: Asking, draft: "Draft", given: Mapping[str, Any]) -> None:
+def _settle_rest(asking: Asking, draft: "Draft", given: Mapping[str, Any], *, is_scan: bool) -> None:
     """Have everything else answered; what has a usual answer offers it."""
     from gateway.cli.draft import FORMATS
     from gateway.cli.first_configuration import format_words
@@ -185,21 +206,56 @@ def _settle_rest(asking: Asking, draft: "Draft", given: Mapping[str, Any]) -> No
     ports = serial_ports() if asking.is_on else []
     for name, (ask, question) in QUESTIONS.items():
         answer = given.get(name)
+        if is_scan and name == "drives_format" and (found := _scanned(asking, draft, given["unit_id"])):
+            usual[name] = found
         if name in FORMATS:
             if not draft.wants_format(name) or not asking.is_on:
                 continue
-            usual[name] = format_words(draft.serial(name))
+            usual.setdefault(name, format_words(draft.serial(name)))
         if answer is None and asking.is_on:
             _say_before(name, draft, ports)
         if answer is None and not asking.is_on:
             answer = usual.get(name)
         asked = partial(text, question, usual[name]) if name in usual else partial(ask, question)
         if name.endswith("_at"):
-            asked = partial(_place, question, [port.path for port in ports])
+            asked = partial(_choice, question, [port.path for port in ports])
         said = len(draft.notes)
         asking.settle(answer, f"--{name.replace('_', '-')}", asked, partial(draft.take, name))
         for note in draft.notes[said:] if asking.is_on else ():
             typer.echo(f"  note: {note}", err=True)
+
+
+def _scanned(asking: Asking, draft: "Draft", unit_id: int | None) -> str:
+    """Look for drives at every setting; return the one at which they answer, empty where none did."""
+    from gateway.cli.first_configuration import format_words
+    from gateway.cli.scanning import scan
+    from gateway.transport.errors import TransportError
+    from gateway.transport.master import LostError
+
+    device, offered = draft.answers["drives_at"], draft.serial("drives_format")
+    if not device.startswith("/"):
+        typer.echo("  --scan: a network has no baud rate: nothing is looked for", err=True)
+        return ""
+    address = draft.read_address
+    if not asking.is_yes(SCAN_QUESTION.format(device=device, address=address)):
+        return ""
+    wanted = () if unit_id is None else (unit_id,)
+    try:
+        found = asyncio.run(
+            scan(device, offered, address, wanted, lambda line: typer.echo(f"  {line}", err=True))
+        )
+    except (TransportError, LostError) as error:
+        typer.echo(f"  not scanned: {getattr(error, 'detail', error)}", err=True)
+        return ""
+    if found is None:
+        typer.echo(
+            "  nobody answers: are the drives on, is the wire on the right plug, are D1 and D0 (A and B) "
+            "swapped? A drive with a unit id above 8 is looked for with --unit-id",
+            err=True,
+        )
+        return ""
+    typer.echo(f"  unit ids that answer: {', '.join(map(str, found.unit_ids))}", err=True)
+    return format_words(found.serial)
 
 
 def _say_before(name: str, draft: "Draft", ports: "Sequence[Found]") -> None:
@@ -214,11 +270,11 @@ def _say_before(name: str, draft: "Draft", ports: "Sequence[Found]") -> None:
         typer.echo(f"  of this drive: {draft.profile.counts}", err=True)
 
 
-def _place(question: str, ports: "Sequence[str]") -> str:
-    """Ask for a place; a number is the serial port of the list."""
+def _choice(question: str, listed: "Sequence[str]") -> str:
+    """Ask for something of a list that was shown: by its number, or as it is called."""
     answer = text(question)
-    if answer.isdecimal() and 0 < int(answer) <= len(ports):
-        return ports[int(answer) - 1]
+    if answer.isdecimal() and 0 < int(answer) <= len(listed):
+        return listed[int(answer) - 1]
     return answer
 
 
@@ -327,7 +383,7 @@ def _is_there(place: str) -> bool:
     return True
 
 
-def _say_what_is_left(file: Path, *, as_json: bool) -> bool:
+def _say_what_is_left(file: Path, following: list[str], *, as_json: bool) -> bool:
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
 
@@ -341,7 +397,7 @@ def _say_what_is_left(file: Path, *, as_json: bool) -> bool:
             "file": str(file),
             "ok": not left,
             "left": [problem.as_dict() for problem in left],
-            "next": _next(file),
+            "next": following,
         }
         typer.echo(json.dumps(result, indent=2, ensure_ascii=False))
         return not left
@@ -349,15 +405,19 @@ def _say_what_is_left(file: Path, *, as_json: bool) -> bool:
     for problem in left:
         typer.echo(f"  {problem}")
     typer.echo("next:")
-    for line in _next(file):
+    for line in following:
         typer.echo(f"  {line}")
     return not left
 
 
-def _next(file: Path) -> list[str]:
-    """Return the next three commands, as they are typed."""
+def _next(file: Path, state: str | None) -> list[str]:
+    """Return the next three commands, as they are typed; root runs them as the user of the service."""
+    from gateway.ipc.service_user import why_not_for_root
+
+    folder = Path(state or file.parent)
+    who = f"sudo -u {folder.owner()} " if why_not_for_root(folder) else ""
     quoted = shlex.quote(str(file))
-    return [f"pitch-gateway {command} {quoted}" for command in ("check", "probe", "run")]
+    return [f"{who}pitch-gateway {command} {quoted}" for command in ("check", "probe", "run")]
 
 
 def _refuse(why: str) -> NoReturn:

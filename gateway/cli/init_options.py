@@ -48,6 +48,13 @@ Measure = Annotated[
         help="Measure how long the drives take, and write the time-outs; default: ask, where they are there.",
     ),
 ]
+Scan = Annotated[
+    bool,
+    Option(
+        "--scan",
+        help="Look for baud rate, parity and unit ids on a silent serial line; reads only, and asks first.",
+    ),
+]
 Ask = Annotated[
     bool | None, Option("--ask/--no-ask", help="Ask for what is missing; default: on a terminal.")
 ]

@@ -19,13 +19,14 @@ CTRL_C_ENDS: Final = "Ctrl-C ends it; the gateway goes on"
 
 
 def look(config: Path, state: Path) -> Mapping[str, Any]:
-    """Return the status: the supervisor's where it answers, which knows files and troubles, else the relay's.
+    """Return the status: the supervisor's where it answers, which knows the files, else what the relay says.
 
     Raises:
         NoAnswerError: neither of them does.
     """
     from gateway.ipc.messages import GetStatus, Status
     from gateway.ipc.supervisor_client import NoSupervisorError, ask_supervisor
+    from gateway.supervisor.model import whole_model
 
     whole: Mapping[str, Any] | None = None
     try:
@@ -42,7 +43,14 @@ def look(config: Path, state: Path) -> Mapping[str, Any]:
             raise
         return whole
     assert isinstance(reply, Status), "a request for the status is answered by it"
-    return reply.status
+    return whole_model(
+        reply.status["gateway"]["name"],
+        reply.status,
+        is_relay_up=True,
+        snapshot_age_s=0.0,
+        tables={},
+        supervisor=None if whole is None else whole["supervisor"],
+    )
 
 
 def looks(config: Path, state: Path) -> Iterator[Mapping[str, Any] | str]:

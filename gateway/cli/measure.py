@@ -49,6 +49,7 @@ def measure(
     resume: given.Resume = None,
     out: given.Out = None,
     out_format: given.OutFormat = None,
+    table_step: given.TableStep = None,
     force: given.Force = False,
     report: given.ReportFile = None,
     before: given.Before = None,
@@ -65,9 +66,11 @@ def measure(
     Exit code 1 when it did not come to its end; 130 or 143 when a signal stopped it.
 
     Examples:
-        pitch-gateway measure gateway.toml --axis x --from 0 --to 300 --step 25
+        pitch-gateway measure gateway.toml --axis x --from -290 --to -15 --step 25
 
-        pitch-gateway measure gateway.toml --axis x --from 0 --to 300 --targets 13 --spread 5 --csv laser.csv
+        pitch-gateway measure gateway.toml --axis x --from -298 --to -2 --targets 9 --spread 5 --csv laser.csv
+
+        pitch-gateway measure gateway.toml --axis x --from -298 --to -2 --step 8 --table-step 25 --out x.tab
 
         pitch-gateway measure gateway.toml --axis x --resume x.readings.csv --gauge /dev/ttyUSB0
     """
@@ -80,8 +83,8 @@ def measure(
     )
     scale = Scale(dwell, window, move_timeout, largest_deviation, is_reversed, zero_at, reading_units)
     wish = Wish(
-        config, axis, controller, port, grid, reader, scale, speed, readings, resume, out, out_format, report,
-        before, force, yes, as_json,
+        config, axis, controller, port, grid, reader, scale, speed, readings, resume, out, out_format,
+        table_step, report, before, force, yes, as_json,
     )  # fmt: skip
     _fulfil(wish)
 

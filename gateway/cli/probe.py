@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 BEFORE_THE_FIRST_MOVE = (
     "is the controller's own pitch and backlash compensation off?",
-    "does the drive count the way that counts_per_unit says? jog it and probe again",
+    "is counts_per_unit right, in size and sign? move by 1 mm: pitch-gateway signtest --moved tells",
     "are the table's sense and its columns right? pitch-gateway signtest tells",
     "make the first moves slow and short, in the middle of the travel",
 )
@@ -35,6 +35,9 @@ def probe(
         bool,
         typer.Option("--timing", help="Measure how long the drives take instead, and propose the time-outs."),
     ] = False,
+    scan: Annotated[
+        bool, typer.Option("--scan", help="Read from each unit id from 1 to 247 too: which ones answer?")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Look at the real drives before anything moves. Nothing is written.
@@ -44,6 +47,9 @@ def probe(
     travel and its table, do commanded and actual position agree. Behind Modbus/TCP a unit id that nothing is
     known of is asked too: where it is not answered for, other_units may have to name further devices. On a
     serial line each drive gets one read with a wrong check sum, which it has to pass over in silence.
+
+    With --scan one register is read under each unit id from 1 to 247, and the report names those that answer.
+    Where nothing answers at once that takes 247 times response_timeout_ms.
 
     With --timing each drive is read a hundred times, then fifty times with as little silence before each
     request as it takes; what comes of it for response_timeout_ms, drain_ms and gap_ms is printed, with what
@@ -56,6 +62,8 @@ def probe(
 
         pitch-gateway probe gateway.toml --timing
 
+        pitch-gateway probe gateway.toml --scan
+
         pitch-gateway probe gateway.toml --axis x --json | jq .axes.x
     """
     loaded = load_or_exit(config)
@@ -65,9 +73,11 @@ def probe(
     if timing:
         if axis is not None:
             raise typer.BadParameter("all drives of a line share its time-outs", param_hint="--axis")
+        if scan:
+            raise typer.BadParameter("--timing measures, --scan looks: give one of them", param_hint="--scan")
         _time(config, lines, as_json=as_json)
         return
-    found = asyncio.run(_probe(lines, axis, problems))
+    found = asyncio.run(_probe(lines, axis, problems, is_scanned=scan))
     reports = {readings.plan.name: _report(readings) for readings in found}
     if as_json:
         typer.echo(json.dumps({"axes": reports, "problems": problems}))
@@ -102,15 +112,18 @@ def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
     except NoGatewayError:
         pass  # somebody is there, of another release perhaps, and has the drives
     typer.echo(
-        f"{config}: its gateway runs and has the drives: stop it first, or look at what it says about them "
-        "(its log, --status-every)",
+        f"{config}: its gateway runs and has the drives. pitch-gateway status {config} says whether they "
+        f"answer, and pitch-gateway capture {config} --follow shows each frame; to probe, stop the gateway "
+        "first",
         err=True,
     )
     raise typer.Exit(1)
 
 
-async def _probe(lines: "list[LinePlan]", axis: str | None, problems: list[str]) -> "list[AxisReadings]":
-    from gateway.cli.probing.readings import RETURNED, ask_unused_unit, ask_with_wrong_crc, read_axis
+async def _probe(
+    lines: "list[LinePlan]", axis: str | None, problems: list[str], *, is_scanned: bool
+) -> "list[AxisReadings]":
+    from gateway.cli.probing.readings import RETURNED, ask_unused_unit, ask_with_wrong_crc, read_axis, scan
     from gateway.transport.errors import TransportError
     from gateway.transport.framing import endpoint_key, returns_requests
     from gateway.transport.master import ModbusMaster
@@ -123,6 +136,9 @@ async def _probe(lines: "list[LinePlan]", axis: str | None, problems: list[str])
             async with master:
                 of_line = [await read_axis(master, plan) for plan in line.axes if axis in (None, plan.name)]
                 found += of_line
+                if is_scanned:
+                    _say_scan(line)
+                    await scan(master, line, of_line)
                 await ask_unused_unit(master, line, of_line[0])
                 for each in of_line:
                     each.echoes = returns_requests(line.drives) if master.returned >= RETURNED else ""
@@ -131,6 +147,17 @@ async def _probe(lines: "list[LinePlan]", axis: str | None, problems: list[str])
         except TransportError as error:
             problems.append(f"line.{line.name}.drives.{endpoint_key(line.drives)}: {error.detail}")
     return found
+
+
+def _say_scan(line: "LinePlan") -> None:
+    from gateway.cli.probing.readings import LAST_UNIT_ID
+    from gateway.times import NS_PER_MS, NS_PER_S, span
+
+    at_most = span(LAST_UNIT_ID * line.timing.response_timeout_ms * NS_PER_MS / NS_PER_S)
+    typer.echo(
+        f"line {line.name}: asks unit ids 1 to {LAST_UNIT_ID}, for {at_most} at most; Ctrl-C ends it",
+        err=True,
+    )
 
 
 def _time(config: Path, lines: "list[LinePlan]", *, as_json: bool) -> None:
@@ -187,6 +214,7 @@ def _report(found: "AxisReadings") -> dict[str, Any]:
         "unit_id": found.plan.unit_id,
         "units": found.plan.settings.units.value,
         "answers": found.answers,
+        "answering_unit_ids": found.answering,
         "on_wrong_crc": None if found.on_wrong_crc is None else found.on_wrong_crc.value,
         "bits": bits,
         "positions": positions,
@@ -196,7 +224,7 @@ def _report(found: "AxisReadings") -> dict[str, Any]:
 
 
 def _text(found: "AxisReadings") -> "Iterator[str]":
-    from gateway.cli.probing.judgement import Weight, findings_of, position_of
+    from gateway.cli.probing.judgement import Weight, findings_of, position_of, said_ids
 
     plan = found.plan
     units = plan.settings.units.value
@@ -215,8 +243,10 @@ def _text(found: "AxisReadings") -> "Iterator[str]":
         )
     findings = findings_of(found)
     yield from (_line(finding) for finding in findings)
+    if found.answering:
+        yield f"  scan: {said_ids(found.answering)}"
     if all(finding.weight is Weight.NOTE for finding in findings):
-        yield "  nothing is wrong"
+        yield "  nothing that was read is wrong"
 
 
 def _raw(raw: float) -> str:

@@ -17,7 +17,7 @@ import gateway
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.process_events import RELAY_ENDED, SUPERVISOR_ENDED, SUPERVISOR_STARTED
 from gateway.ipc.children import HELD_BACK, READY, RELOADS
-from gateway.ipc.notes import LogFormat, Note, note_of
+from gateway.ipc.notes import LogFormat, Note, note_of, take_standard_error
 from gateway.ipc.state_folder import StateError, state_folder
 
 STOPS: Final = frozenset({signal.SIGTERM, signal.SIGINT})
@@ -35,11 +35,12 @@ def command_of(module: str, config: Path, log_format: LogFormat, *more: str) -> 
     return [sys.executable, "-P", "-m", module, str(config), "--log-format", log_format.value, *more]
 
 
-def become(config: Path, command: list[str]) -> NoReturn:
+def become(config: Path, command: list[str], log_format: LogFormat) -> NoReturn:
     """Turn this process into another program; what the command line needed is gone with it.
 
-    A CONFIG that cannot be read is said before.
+    A CONFIG that cannot be read is said before, in the form of the log.
     """
+    take_standard_error(log_format)
     try:
         state_folder(config)
     except StateError as error:

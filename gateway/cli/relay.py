@@ -20,4 +20,8 @@ def relay(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every
     """
     from gateway.cli.processes import become, command_of
 
-    become(config, command_of("gateway.relay", config, log_format, "--status-every", str(status_every)))
+    become(
+        config,
+        command_of("gateway.relay", config, log_format, "--status-every", str(status_every)),
+        log_format,
+    )

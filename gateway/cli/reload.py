@@ -41,6 +41,9 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
 
         pitch-gateway reload gateway.toml --json
     """
+    from gateway.ipc.notes import take_standard_error
+
+    take_standard_error()  # the unit of the supervisor reloads so
     outcome = _outcome(config)
     problems: list[str] = outcome["all_problems"]
     if as_json:

@@ -39,12 +39,13 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
         pitch-gateway run gateway.toml --log-format json 2> gateway.log
     """
     from gateway.cli.processes import command_of, run_both
-    from gateway.ipc.notes import note_writer
+    from gateway.ipc.notes import note_writer, take_standard_error
 
-    compile_for_start_or_exit(config)
+    take_standard_error(log_format)
+    compiled_into = "--state", str(compile_for_start_or_exit(config))
     code = run_both(
-        command_of("gateway.relay", config, log_format, "--status-every", str(status_every)),
-        command_of("gateway.supervisor", config, log_format),
+        command_of("gateway.relay", config, log_format, "--status-every", str(status_every), *compiled_into),
+        command_of("gateway.supervisor", config, log_format, *compiled_into),
         note_writer(log_format),
     )
     if code:

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 UNCERTAINTY_MM = 0.002
 """What a dial gauge with 1 µm marks or a laser in a workshop can be trusted with."""
 STEPS = 2
+DECIMALS = 6
+APPROACH_MM = 1.0
+"""Beside the hysteresis; as far as measure goes beyond its targets."""
 NUMBERS = "--at, --forward-reading and --backward-reading"
 MISSING = f"numbers for a sign test come together: {NUMBERS}"
 
@@ -38,6 +41,14 @@ def signtest(
         float | None,
         typer.Option("--uncertainty", help="Of a reading, in units of the axis; default 2 µm or 2 counts."),
     ] = None,
+    moved: Annotated[
+        float | None,
+        typer.Option(
+            "--moved",
+            help="Instead of readings: by how much the axis really moved when 1 mm (1 degree, 0.05 inch) "
+            "more was commanded. Judges counts_per_unit.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Tell from two readings at one point whether a table is used the right way round.
@@ -46,25 +57,35 @@ def signtest(
     the other way round, and the machine gets twice as bad instead of good. Switch the compensation off
     (pitch-gateway disable), go to one position from below and from above, and read a laser or a gauge each
     time, with its zero where the table has its own. Without numbers it asks for them, and says where to
-    measure.
+    measure; on a terminal it first asks for a move of 1 mm, which shows a counts_per_unit that is wrong by
+    ten. --moved judges such a move by itself, also of an axis that has no table yet.
 
-    Exit code 0 when the table is right; 1 when it is not, or when it cannot be told.
+    Exit code 0 when the table, or the move, is right; 1 when it is not, or when it cannot be told.
 
     Examples:
         pitch-gateway signtest gateway.toml --axis x
 
-        pitch-gateway signtest gateway.toml --axis x --at 150 --forward-reading 149.99 --backward-reading 150
-    """
+        pitch-gateway signtest gateway.toml --axis x --moved 0.99
+
+        pitch-gateway signtest gateway.toml --axis x --at -250 --forward-reading -249.99 --backward-reading -249.981
+    """  # noqa: E501 - a line that is copied
     from gateway.metrology.errors import ReadingsError
 
     numbers = (at, forward_reading, backward_reading)
     if any(number is None for number in numbers) and any(number is not None for number in numbers):
         raise typer.BadParameter(MISSING)
-    plan = _axis(config, axis)
+    if moved is not None:
+        if at is not None:
+            raise typer.BadParameter("it judges a move, the readings judge a table: give one of them")
+        _judge_move(config, _axis(config, axis), moved, as_json=as_json)
+        return
+    plan = _with_table(config, _axis(config, axis))
     if uncertainty is None:
         uncertainty = _usual_uncertainty(plan)
     if at is None or forward_reading is None or backward_reading is None:
         try:
+            if sys.stdin.isatty():
+                _ask_for_a_move(config, plan)
             at, forward_reading, backward_reading = _asked_for(plan)
         except typer.Abort:
             if sys.stdin.isatty():
@@ -91,10 +112,70 @@ def _axis(config: Path, name: str) -> "AxisPlan":
     if name not in axes:
         typer.echo(f"{config}: there is no axis {name}; there are {', '.join(axes)}", err=True)
         raise typer.Exit(1)
-    if axes[name].table is None or not axes[name].table_name:
-        typer.echo(f"{config}: axis.{name}.table: missing; name the table that is to be tested", err=True)
-        raise typer.Exit(1)
     return axes[name]
+
+
+def _with_table(config: Path, plan: "AxisPlan") -> "AxisPlan":
+    if plan.table is None:
+        typer.echo(
+            f"{config}: axis.{plan.name}.table: missing; name the table that is to be tested", err=True
+        )
+        raise typer.Exit(1)
+    return plan
+
+
+def _judge_move(config: Path, plan: "AxisPlan", moved: float, *, as_json: bool = False) -> None:
+    """Say whether a trial move went as far as it was told to; ends the command where it did not."""
+    from gateway.metrology.errors import ReadingsError
+    from gateway.metrology.scale import TRIAL_MOVE, fault_of_trial
+
+    settings = plan.settings
+    told, units = TRIAL_MOVE[settings.units], settings.units.value
+    try:
+        fault = fault_of_trial(moved, settings.counts_per_unit, settings.units)
+    except ReadingsError as error:
+        typer.echo(f"{config}: axis {plan.name}: {error}", err=True)
+        raise typer.Exit(1) from None
+    if as_json:
+        said = {"axis": plan.name, "units": units, "commanded": told, "moved": moved, "fault": fault}
+        typer.echo(json.dumps(said))
+    elif fault:
+        typer.echo(f"axis {plan.name}: {fault}")
+    else:
+        typer.echo(
+            f"axis {plan.name}: it moved by {moved:.6g} {units}: counts_per_unit has the right size and sign"
+        )
+    if fault:
+        raise typer.Exit(1)
+
+
+def _ask_for_a_move(config: Path, plan: "AxisPlan") -> None:
+    from gateway.metrology.scale import TRIAL_MOVE
+
+    told, units = TRIAL_MOVE[plan.settings.units], plan.settings.units.value
+    typer.echo(
+        f"Axis {plan.name}: command one move up, then {told:g} {units} more. Measure this last move with a "
+        "dial gauge or a rule; it is negative where the axis went down.",
+        err=True,
+    )
+    _judge_move(
+        config, plan, typer.prompt(f"It really moved by [{units}]", default=told, type=float, err=True)
+    )
+
+
+def _approach(plan: "AxisPlan") -> float:
+    """Return from how far a place is approached, in units: more than what the axis takes for no move."""
+    settings = plan.settings
+    return settings.units.from_mm(APPROACH_MM) + settings.hysteresis
+
+
+def _inside(plan: "AxisPlan") -> tuple[float, float] | None:
+    """Return where there is room for a sign test, in machine positions; None: everywhere (a rotary axis)."""
+    from gateway.metrology.sign_test import room
+
+    assert plan.table is not None
+    settings = plan.settings
+    return None if settings.modulo else room(plan.table, settings.travel, _approach(plan))
 
 
 def _report(
@@ -125,7 +206,7 @@ def _report(
             f"{at:g} is outside its table, which reaches from {table.first - offset:g} to "
             f"{table.last - offset:g}: measure inside it"
         )
-    return SignReport(plan, at, uncertainty, sign_test(curve, measurement))
+    return SignReport(plan, at, uncertainty, sign_test(curve, measurement, _inside(plan)))
 
 
 def _asked_for(plan: "AxisPlan") -> tuple[float, float, float]:
@@ -137,17 +218,16 @@ def _asked_for(plan: "AxisPlan") -> tuple[float, float, float]:
     assert plan.table is not None
     curve = spec_of_table(plan.table, settings).curve
     assert curve is not None
-    best = best_place(curve.table)
+    best = round(best_place(curve, _inside(plan)).position - settings.machine_offset, DECIMALS)
+    approach = _approach(plan)
     typer.echo(
         f"Axis {plan.name}: switch its compensation off (pitch-gateway disable), home it, and set the "
         "instrument to 0 where the table has its zero.\n"
-        f"The table tells most at {best.position - settings.machine_offset:.6g} {units}: go there from "
-        "below, read, go well past it, come back from above, read again.",
+        f"The table tells most at {best:.6g} {units}. Go to {best - approach:.6g}, then up to {best:.6g}, "
+        f"and read. Go to {best + approach:.6g}, then down to {best:.6g}, and read again.",
         err=True,
     )
-    at: float = typer.prompt(
-        f"Position [{units}]", default=best.position - settings.machine_offset, type=float, err=True
-    )
+    at: float = typer.prompt(f"Position [{units}]", default=best, type=float, err=True)
     forward: float = typer.prompt(f"Reading approached from below, forward [{units}]", type=float, err=True)
     backward: float = typer.prompt(f"Reading approached from above, backward [{units}]", type=float, err=True)
     return at, forward, backward

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import signal
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +15,7 @@ from gateway.cli.arguments import Config
 if TYPE_CHECKING:
     from gateway.ipc.plan import GatewayPlan
     from gateway.simulator.ears import Hearing
+    from gateway.simulator.gauge import VirtualGauge
     from gateway.simulator.wire import Cable
     from gateway.simulator.world import ServedLine
 
@@ -58,6 +60,14 @@ def simulate(
             help="What serial drives take for a frame: standard, any-length, merging, no-check.",
         ),
     ] = "",
+    gauge: Annotated[
+        bool,
+        typer.Option(
+            "--gauge",
+            help="Put a laser at each axis: a port gauge-AXIS in this folder for measure, and a line for "
+            "each place where the axis comes to rest.",
+        ),
+    ] = False,
     json_output: Annotated[
         bool, typer.Option("--json", help="Say what is served as one line of JSON.")
     ] = False,
@@ -76,10 +86,15 @@ def simulate(
     what is intact, however long. merging: that too, and only 10 ms of silence end it. no-check: whatever its
     check sum says.
 
+    With --gauge each linear axis has a laser that sees where the worn screw has really taken it. Its port
+    speaks as a Sylvac gauge does: measure --gauge gauge-x asks it. Or type into measure what the lines here
+    show.
+
     Examples:
         pitch-gateway simulate gateway.toml
         pitch-gateway run gateway.toml            (in a second terminal)
         pitch-gateway simulate gateway.toml --speed-up 20 --seed 7
+        pitch-gateway simulate gateway.toml --gauge
         pitch-gateway simulate gateway.toml --latency-timer 16 --hearing standard
     """
     from gateway.config.load import load
@@ -94,7 +109,7 @@ def simulate(
         cable = Cable(adapter, WireFaults(noise=noise, seed=seed), _hearing(hearing))
         plan = load(config).plan
         _warn_of_what_is_not_played(config, plan)
-        asyncio.run(_serve(plan, speed_up, seed, cable, paced=paced, json_output=json_output))
+        asyncio.run(_serve(plan, speed_up, seed, cable, paced=paced, gauge=gauge, json_output=json_output))
     except ConfigErrors as errors:
         typer.echo(str(errors), err=True)
         raise typer.Exit(1) from None
@@ -130,7 +145,14 @@ def _hearing(name: str) -> "Hearing | None":
 
 
 async def _serve(
-    plan: "GatewayPlan", speed_up: float, seed: int, cable: "Cable", *, paced: bool, json_output: bool
+    plan: "GatewayPlan",
+    speed_up: float,
+    seed: int,
+    cable: "Cable",
+    *,
+    paced: bool,
+    gauge: bool,
+    json_output: bool,
 ) -> None:
     from gateway.simulator.clock import scaled_clock
     from gateway.simulator.world import World
@@ -140,14 +162,36 @@ async def _serve(
     for signal_number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(signal_number, ended.set)
     async with World(plan, scaled_clock(speed_up), seed=seed, paced=paced, cable=cable) as world:
+        gauges = world.add_gauges() if gauge else {}
         lines = [asdict(line) for line in world.served]
         if json_output:
-            typer.echo(json.dumps({"event": "serving", "lines": lines, "speed_up": speed_up, "seed": seed}))
-        else:
-            for line in world.served:
-                _describe(line)
-            typer.echo("Ctrl-C ends it.")
-        await ended.wait()
+            said = {"lines": lines, "speed_up": speed_up, "seed": seed}
+            if gauge:
+                said["gauges"] = {each.axis: path for path, each in gauges.items()}
+            typer.echo(json.dumps({"event": "serving", **said}))
+            await ended.wait()
+            return
+        for line in world.served:
+            _describe(line)
+        for path, each in gauges.items():
+            typer.echo(f"axis {each.axis}: a laser on {path}, as measure --gauge {path} reads it")
+        typer.echo("Ctrl-C ends it.")
+        await _show_until(ended, tuple(gauges.values()))
+
+
+async def _show_until(ended: asyncio.Event, gauges: "tuple[VirtualGauge, ...]") -> None:
+    """Show where axes come to rest, for readings that are typed."""
+    from gateway.simulator.gauge import LOOK_S, Display
+
+    def show(gauge: "VirtualGauge", reading: float) -> None:
+        typer.echo(f"axis {gauge.axis} stands; its laser shows {reading:.5f} {gauge.units}")
+
+    displays = [Display(gauge, show) for gauge in gauges]
+    while not ended.is_set():
+        for display in displays:
+            display.look()
+        with suppress(TimeoutError):
+            await asyncio.wait_for(ended.wait(), LOOK_S if displays else None)
 
 
 def _describe(line: "ServedLine") -> None:

@@ -35,6 +35,12 @@ SHOWN: Final = (
 ALWAYS: Final = frozenset({"exchanges", "timeouts"})
 BY_CERTIFICATE: Final = "by role"
 """In the place of a role: each certificate brings its own, and 80 columns are few."""
+OF_VERDICT: Final = {"healthy": "green", "waiting": "cyan", "warning": "yellow", "error": "red"}
+OLD: Final = {
+    "last-reading": "its position was read last",
+    "target": "its position was not read since it got its target",
+}
+"""What an axis shows that is no reading of now."""
 COLOURS: Final = {
     "up": "green",
     "active": "green",
@@ -56,13 +62,12 @@ def show_status(console: Console, status: Mapping[str, Any]) -> None:
 
 
 def status_parts(status: Mapping[str, Any]) -> Iterator[RenderableType]:
-    """Yield what shows a status model, from top to bottom: what is wrong, gateway, lines, axes.
-
-    Only the supervisor's model says what is wrong; the relay's own has no ``troubles``.
-    """
+    """Yield what shows a status model, from top to bottom: how it is, what is wrong, gateway, lines, axes."""
+    if "verdict" in status:  # not in that of a supervisor of an older release
+        yield _verdict(status["verdict"])
     for trouble in status.get("troubles", ()):
         yield from _trouble(trouble)
-    if status.get("troubles"):
+    if "verdict" in status or status.get("troubles"):
         yield ""
     yield from _gateway(status["gateway"])
     for name, line in status["lines"].items():
@@ -70,17 +75,28 @@ def status_parts(status: Mapping[str, Any]) -> Iterator[RenderableType]:
     for make in (_positions, _tables, _times) if status["axes"] else ():
         yield ""
         yield make(status["axes"])
+        yield from _ages(status["axes"]) if make is _positions else ()
     if with_terms := {name: axis for name, axis in status["axes"].items() if axis.get("terms")}:
         yield ""
         yield _terms(with_terms)
 
 
-def _trouble(trouble: Mapping[str, str]) -> Iterator[RenderableType]:
+def _verdict(verdict: Mapping[str, Any]) -> RenderableType:
+    colour = OF_VERDICT[verdict["state"]]
+    counts = (("error", verdict["errors"]), ("warning", verdict["warnings"]))
+    counted = ", ".join(f"{count} {word}{'s' * (count != 1)}" for word, count in counts if count)
+    since = f" since {_time_of(verdict['since'])}"
+    return _words(f"[bold {colour}]{verdict['state'].upper()}[/]{since}{f': {counted}' if counted else ''}")
+
+
+def _trouble(trouble: Mapping[str, Any]) -> Iterator[RenderableType]:
     colour = "red" if trouble["severity"] == "error" else "yellow"
     what = f"{escape(trouble['where'])}: {escape(trouble['what'])}"
     yield _words(f"[bold {colour}]{escape(trouble['severity'])}[/] {what}")
     since = f"since {_time_of(trouble['since'])} " if "since" in trouble else ""
     yield _words(f"  {since}→ {escape(trouble['remedy'])}")
+    if seen := trouble.get("acknowledged"):
+        yield _words(f"  acknowledged by {escape(seen['by'])}, {_time_of(seen['at'])}")
 
 
 def _gateway(gateway: Mapping[str, Any]) -> Iterator[RenderableType]:
@@ -160,31 +176,48 @@ def _connected(controller: Mapping[str, Any]) -> str:
 
 
 def _positions(axes: Mapping[str, Any]) -> Table:
-    """Return where the axes are: nominally, as the controller says it, and on the drive."""
+    """Return where the axes are: nominally, as the controller says it, and on the drive.
+
+    What is no reading of now is dim; :func:`_ages` says how old it is.
+    """
     table = _table("axis", "compensation", "direction")
-    for heading in ("target", "on the drive", "actual", "on the drive"):
-        table.add_column(heading, justify="right")
-    table.add_column("units")
+    for heading in ("target", "on the\ndrive", "actual", "on the\ndrive"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("units", no_wrap=True)
     for name, axis in axes.items():
-        trouble = axis.get("trouble") or {}
-        is_cut_off, last = trouble.get("cuts_off"), axis.get("last_seen")
-        titled = f"[red]{escape(trouble['title'])}[/]" if trouble.get("title") else ""
+        position = axis.get("position") or {"of": None}
+        is_read = position["of"] == "reading" or "position" not in axis
+        target = [_number(axis[key], 4) for key in ("nominal_setpoint", "corrected_setpoint")]
         actual = [_number(axis[key], 4) for key in ("nominal_actual", "corrected_actual")]
-        if is_cut_off and last:  # nobody knows where it is: where it was, and how long ago
-            ago = f" ({span(last['age_s'])} ago)"
-            actual = [
-                f"[dim]{_number(last['nominal'], 4)}{ago}[/]",
-                f"[dim]{_number(last['corrected'], 4)}[/]",
-            ]
+        if position["of"] == "last-reading":
+            actual = [_number(position[key], 4) for key in ("nominal", "corrected")]
         table.add_row(
             escape(name),
-            titled or _coloured(axis["compensation"]),
+            _state_of(axis),
             escape(axis["direction"]),
-            *(_number(axis[key], 4) for key in ("nominal_setpoint", "corrected_setpoint")),
-            *actual,
+            *(each if is_read else f"[dim]{each}[/]" for each in (*target, *actual)),
             escape(axis["units"]),
         )
     return table
+
+
+def _ages(axes: Mapping[str, Any]) -> Iterator[RenderableType]:
+    """Say how old the positions are that are no readings of now."""
+    for name, axis in axes.items():
+        position = axis.get("position") or {"of": None}
+        if position["of"] in OLD:
+            at_least = "more than " if position["is_at_least"] and position["age_s"] >= 1.0 else ""
+            yield _words(
+                f"  [dim]{escape(name)}: {OLD[position['of']]} {at_least}{span(position['age_s'])} ago[/]"
+            )
+
+
+def _state_of(axis: Mapping[str, Any]) -> str:
+    """Return how an axis is, in the colour of its verdict."""
+    verdict = axis.get("verdict")
+    if verdict is None:
+        return _coloured(axis["compensation"])
+    return f"[{OF_VERDICT[verdict['state']]}]{escape(verdict['title'] or axis['compensation'])}[/]"
 
 
 def _tables(axes: Mapping[str, Any]) -> Table:
@@ -243,9 +276,10 @@ def _times(axes: Mapping[str, Any]) -> Table:
 
 
 def _table(*headings: str) -> Table:
+    """Return a table whose first column holds names: these are never broken, however narrow it gets."""
     table = Table(box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, header_style="bold")
-    for heading in headings:
-        table.add_column(heading, overflow="fold")
+    for number, heading in enumerate(headings):
+        table.add_column(heading, overflow="fold", no_wrap=number == 0)
     return table
 
 

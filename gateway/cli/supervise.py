@@ -32,5 +32,7 @@ def supervise(
     from gateway.cli.processes import become, command_of
 
     become(
-        config, command_of("gateway.supervisor", config, log_format, "--events", "yes" if events else "no")
+        config,
+        command_of("gateway.supervisor", config, log_format, "--events", "yes" if events else "no"),
+        log_format,
     )

@@ -80,8 +80,9 @@ Home = Annotated[
     HomeCase | None,
     typer.Option(
         "--home",
-        help="Where the correction is 0: the end with the home switch, travel on its positive or negative "
-        "side, or a reference mark at 0.",
+        help="Where the correction is 0. switch-positive: travel has positive positions, and the home switch "
+        "is at its negative end. switch-negative: travel has negative positions, and the switch is at its "
+        "positive end. mark: a reference mark at 0.",
     ),
 ]
 OneWay = Annotated[

@@ -14,6 +14,7 @@ from gateway.cli.table_formats import formats
 from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
 from gateway.cli.table_plot import plot
 from gateway.cli.table_reading import fail, inspect, problems, usage
+from gateway.cli.table_template import template
 from gateway.tabfile import Lint, Problem, Severity, TabFileError
 from gateway.tabfile import explain as explain_at
 from gateway.tabfile.context import MAX_POSITION
@@ -149,6 +150,7 @@ def lint(
 
 app.command()(convert)
 app.command()(formats)
+app.command()(template)
 
 
 def _fails(lint: Lint) -> bool:

@@ -60,7 +60,7 @@ def convert(
 
       pitch-gateway table convert cnc10z.tab CNC7Z.TAB --to centroid-1 --to-counts-per-unit 25400
 
-      pitch-gateway table convert x.csv cnc10x.tab --to centroid-3 --axis x --resample 10
+      pitch-gateway table convert x-table.csv cnc10x.tab --to centroid-3 --axis x --resample 10
     """
     target = dialect_named(to)
     with usage(), problems():

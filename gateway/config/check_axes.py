@@ -24,9 +24,15 @@ from gateway.drives.registers import (
     position_spans,
     share_register,
 )
+from gateway.exchange.plan import CompensationMode
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
+COUNTED_FROM: Final = (30_001, 40_001)
+"""Where manuals begin to count input and holding registers, whose addresses in the frame begin at 0."""
+COUNTED: Final = 9999
+"""So many registers have such a number of five digits."""
+ADDRESSES: Final = ("address", "block")
 LARGEST_EXACT_COUNTS: Final = 2.0**53
 """Beyond it a double does not hold every whole count."""
 
@@ -69,6 +75,8 @@ def _check_unit_id(findings: Findings, path: KeyPath, axis: AxisSection, line: L
 
 
 def _check_registers(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    raw = findings.document.tables["axis"][path[1]].get("registers")
+    _warn_of_counted_registers(findings, (*path, "registers"), raw)
     if axis.registers is None:
         if axis.drive is None and not findings.is_refused((*path, "registers")):
             key = (*path, "registers")
@@ -84,6 +92,27 @@ def _check_registers(findings: Findings, path: KeyPath, axis: AxisSection) -> No
                 f"but {key_text(span.key)} has {span.words} registers",
                 f"allowed: {span.words} or more",
             )
+
+
+def _warn_of_counted_registers(findings: Findings, path: KeyPath, raw: object) -> None:
+    """Ask about addresses that look like the register numbers of a manual, which count from 30001 or 40001.
+
+    Such an address may be meant as it stands; written in hexadecimal it is.
+    """
+    if isinstance(raw, dict | list):
+        for key, inside in raw.items() if isinstance(raw, dict) else enumerate(raw):
+            _warn_of_counted_registers(findings, (*path, key), inside)
+    elif path[-1] in ADDRESSES and isinstance(raw, int) and not isinstance(raw, bool):
+        first = next((first for first in COUNTED_FROM if first <= raw < first + COUNTED), None)
+        line = findings.document.lines.of(path)
+        if first is None or line is None or str(raw) not in findings.document.text.splitlines()[line - 1]:
+            return
+        findings.warn(
+            path,
+            f"{path[-1]} = {raw}: is that a manual's register number? Register {raw} has the address "
+            f"{raw - first:#06x}",
+            f"write {raw - first:#06x} if it is; write {raw:#06x} if {raw} is the address itself",
+        )
 
 
 def _refuse_shared(findings: Findings, key: KeyPath, other_key: KeyPath, span: Span, other: Span) -> None:
@@ -159,6 +188,13 @@ def _check_without_table(findings: Findings, path: KeyPath, axis: AxisSection) -
             )
     if axis.table is not None or findings.is_refused((*path, "table")):
         return
+    is_asked_for = axis.compensation is CompensationMode.ON and "compensation" in axis.model_fields_set
+    if is_asked_for and backlash is None:
+        findings.warn(
+            (*path, "compensation"),
+            'compensation = "on" without a table: positions pass uncorrected, and the axis is not green',
+            'name its file with `table` once it is measured; until then leave the key out, or write "off"',
+        )
     if "table_options" in axis.model_fields_set:
         findings.refuse(
             (*path, "table_options"), "table_options without a table", "name the table file, or leave it out"

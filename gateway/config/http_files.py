@@ -16,7 +16,7 @@ from gateway.config.named_files import (
     read_secret_line,
 )
 from gateway.config.toml_lines import KeyPath
-from gateway.transport.tls import load_revoked
+from gateway.transport.tls import CIPHERS, load_revoked
 from gateway.transport.tls_files import TlsFileError
 
 SHORTEST_TOKEN: Final = 32
@@ -54,6 +54,7 @@ def server_context(tls: HttpTlsSection, folder: Path, *, needs_client: bool) -> 
     """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
+    context.set_ciphers(CIPHERS)
     # Without tickets: who is let in is decided anew each time, and a certificate may have ended since.
     context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION | ssl.OP_NO_TICKET
     context.num_tickets = 0

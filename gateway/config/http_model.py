@@ -27,12 +27,15 @@ def check_listen(text: str) -> str:
 
 
 class TokenSection(StrictModel):
-    """A token with which somebody may look."""
+    """A token with which somebody may look, and acknowledge alarms where that is said."""
 
     name: Name = Field(description="who or what has it, for the log")
     file: FileName = Field(
         description="file that holds the token and nothing else, relative to the configuration file, or "
         "credential:NAME; pitch-gateway token makes one"
+    )
+    acknowledge: bool = Field(
+        default=False, description="whoever has it may acknowledge alarms; the log and the page then name it"
     )
 
 

@@ -155,6 +155,11 @@ class ControllerSection(RightsKeys, _SerialSettings):
         default=None,
         description="seconds after which a connection over tcp is closed that asks for nothing; none: never",
     )
+    silent_after_s: Annotated[float, Field(ge=0.0, le=1e7)] | None = Field(
+        default=None,
+        description="seconds without a request after which this controller is missed and its axes are not "
+        "healthy; 0: it comes and goes",
+    )
     tls: ControllerTls | None = Field(
         default=None, description="speak TLS only, with those who have a certificate (Modbus/TCP Security)"
     )

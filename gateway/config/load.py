@@ -15,6 +15,7 @@ from gateway.config.check_late import check_late
 from gateway.config.check_lines import check_lines, check_status_unit
 from gateway.config.check_motion import check_motion
 from gateway.config.check_mqtt import check_mqtt
+from gateway.config.check_open_files import check_open_files
 from gateway.config.check_permissions import check_permissions
 from gateway.config.check_ports import check_ports
 from gateway.config.check_references import check_references
@@ -148,6 +149,7 @@ def _with_tables(
         findings.include(reading.findings)
     tables = {name: reading.table for name, reading in readings.items() if reading.table is not None}
     check_state(findings, path.parent / sections.gateway.state)
+    check_open_files(findings, tables_folder, readings, drives, crosses)
     if checks_times:
         check_budget(findings, sections, tables, drives)
     findings.raise_if_any()

@@ -66,6 +66,16 @@ class Sections:
     """Axes that lack a key they need: made whole with stand-ins, to be looked at for what else is wrong."""
     groups: dict[str, GroupSection] = field(default_factory=dict)
 
+    @property
+    def silent_after_s(self) -> dict[tuple[str, str], float]:
+        """The key of that name of the controllers that have it, by line and controller."""
+        return {
+            (line, controller.name): controller.silent_after_s
+            for line, section in self.lines.items()
+            for controller in section.controllers
+            if controller.silent_after_s is not None
+        }
+
 
 def read_sections(findings: Findings) -> Sections:
     """Read every section of the document; what is wrong goes to ``findings``."""

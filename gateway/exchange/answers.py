@@ -102,7 +102,8 @@ class Silence:
     owed_ns: int = 0
     """Until then a stop may be answered that was given up early: stops go before that, nothing else."""
     unasked: int = 0
-    """Requests that were answered in its place in this silence, for they could only have left too late."""
+    """Requests that were answered in its place in this silence, for they could only have left too late;
+    counted to ``UNASKED_AT_MOST``."""
     due_ns: int = 0
     """While it is dead: it is tried again from then on."""
     retry_ns: int = 0
@@ -337,7 +338,8 @@ class Answers:
 
     def note_unasked(self, unit_id: int) -> None:
         """A request was answered in the place of a unit id, which nothing is learned of from that."""
-        self.silences[unit_id].unasked += 1
+        silence = self.silences[unit_id]
+        silence.unasked = min(silence.unasked + 1, UNASKED_AT_MOST)
 
     def is_missed(self, unit_id: int) -> bool:
         """Whether a unit id left its last request unanswered, and is still asked."""

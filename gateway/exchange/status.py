@@ -3,6 +3,7 @@
 The states that it shows are listed in ``exchange.status_words``.
 """
 
+from collections.abc import Callable
 from typing import Any, Final
 
 from gateway.compensation.settings import Setpoints
@@ -79,11 +80,26 @@ def axis_status(axis: Axis, now_ns: int) -> dict[str, Any]:
         "corrected_setpoint": units(None if accepted is None else accepted.corrected_counts),
         "nominal_actual": units(None if actual is None else axis.nominal_of(actual.counts)),
         "corrected_actual": units(None if actual is None else actual.counts),
+        "last_actual": _last_actual(axis, units, now_ns),
         "actual_age_s": None if actual is None else round((now_ns - actual.seen_ns) / NS_PER_S, 3),
         "writer": axis.hold.writer if axis.hold.is_held(now_ns) else None,
         "table": _table_status(axis),
         "group": _group_status(axis, now_ns),
         "terms": None if axis.terms is None else axis.terms.status(axis, now_ns),
+    }
+
+
+def _last_actual(
+    axis: Axis, units: Callable[[Counts | None], float | None], now_ns: int
+) -> dict[str, float | None] | None:
+    """Return the newest reading, however old; None: there was none, or it counts no more."""
+    actual = axis.actual
+    if actual is None:
+        return None
+    return {
+        "nominal": units(axis.nominal_of(actual.counts)),
+        "corrected": units(actual.counts),
+        "age_s": round((now_ns - actual.seen_ns) / NS_PER_S, 3),
     }
 
 

@@ -31,9 +31,11 @@ from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Frame
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.request import Known, Rewriting
+from gateway.exchange.throttle import Throttle, times
 from gateway.exchange.translate import note_discrete, outcome_of, reply_without_positions, turned_back
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
+from gateway.times import NS_PER_S
 
 NEVER_NS: Final = 1 << 62
 """Deadline of what has to be waited for by somebody else."""
@@ -463,6 +465,7 @@ class Endings:
         self._on_event = on_event
         self._lose = lose
         self._unit_of = unit_of
+        self._withdrawals = Throttle(NS_PER_S)
 
     def finish(
         self,
@@ -494,7 +497,7 @@ class Endings:
             if loss is not None and transaction.port is not None and not transaction.only_reads:
                 self._lose(transaction, code, loss)
             if withdrawn:
-                self._note_withdrawn(transaction, withdrawn)
+                self._note_withdrawn(transaction, withdrawn, now_ns)
         elif reply:
             self._pass_back(transaction, outcome, code, reply, now_ns)
         else:
@@ -553,11 +556,15 @@ class Endings:
         if not (is_absent and (port is None or port.is_serial)):
             self.reply(transaction, exception_pdu(transaction.pdu[0], code))
 
-    def _note_withdrawn(self, transaction: Transaction, why: str) -> None:
+    def _note_withdrawn(self, transaction: Transaction, why: str, now_ns: int) -> None:
+        """Count it; tell of one for each controller and reason in a second, and how many there were."""
         self._counters.withdrawn += 1
-        if transaction.port is not None:
-            name = transaction.port.plan.name
-            self._on_event(Event(EventKind.WITHDRAWN, None, f"a request of {name} was not sent: {why}"))
+        if transaction.port is None:
+            return
+        name = transaction.port.plan.name
+        if count := self._withdrawals.due((name, why), now_ns):
+            detail = f"a request of {name} was not sent: {why}{times(count)}"
+            self._on_event(Event(EventKind.WITHDRAWN, None, detail))
 
 
 def outcome_of_reply(transaction: Transaction, reply: bytes) -> tuple[Outcome, int]:

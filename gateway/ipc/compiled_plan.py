@@ -177,8 +177,10 @@ def _text_of_last(state: Path) -> str | None:
     return None
 
 
-def read_plan(state: Path, config: Path) -> CompiledPlan:
+def read_plan(state: Path, config: Path, *, is_compared: bool = True) -> CompiledPlan:
     """Return the plan that was compiled from a configuration.
+
+    ``is_compared``: the configuration and its profiles have to be what it was compiled from, still.
 
     Raises:
         StateError: there is none, it is damaged or of another release, or the configuration or a profile that
@@ -193,7 +195,8 @@ def read_plan(state: Path, config: Path) -> CompiledPlan:
             f"{path} was made by release {file.gateway_version}, and this is release "
             f"{gateway.__version__}{versions}; {remedy}"
         )
-    _check_sources(file.sources, config, path, remedy)
+    if is_compared:
+        _check_sources(file.sources, config, path, remedy)
     return _compiled_plan(state, file, remedy)
 
 

@@ -14,13 +14,18 @@ from gateway.ipc.notes import LogFormat
 
 @dataclass(frozen=True, slots=True)
 class ProgramOptions:
-    """``parent`` is the process to end with, 0: none. Each program has options of its own beside these."""
+    """``parent`` is the process to end with, 0: none. Each program has options of its own beside these.
+
+    ``state`` is the folder into which ``run`` has just compiled CONFIG. That is run, whatever becomes of the
+    file meanwhile: somebody may be editing it. None: the folder that CONFIG names, once it was compared.
+    """
 
     config: Path
     log_format: LogFormat = LogFormat.AUTO
     parent: int = 0
     status_every_s: float = 0.0
     tells_events: bool = False
+    state: Path | None = None
 
 
 def options_of(words: Sequence[str]) -> ProgramOptions:
@@ -38,6 +43,7 @@ def options_of(words: Sequence[str]) -> ProgramOptions:
             int(given.pop("--parent", "0")),
             float(given.pop("--status-every", "0")),
             given.pop("--events", "no") == "yes",
+            Path(given.pop("--state")) if "--state" in given else None,
         )
     except ValueError as error:
         sys.exit(f"not as a program of pitch-gateway is started: {error}")

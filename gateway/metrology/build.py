@@ -56,9 +56,12 @@ class HomeCase(Enum):
             return HomeReference(min(max(0.0, low), high), Direction.FORWARD)
         is_positive = self is HomeCase.SWITCH_POSITIVE
         if (is_positive and low < -near_low) or (not is_positive and high > near_high):
+            side, end = ("positive", "negative") if is_positive else ("negative", "positive")
+            other = HomeCase.SWITCH_NEGATIVE if is_positive else HomeCase.SWITCH_POSITIVE
             raise ReadingsError(
-                f"home {self.value}: the targets {low:.9g} to {high:.9g} do not lie on that side of 0; "
-                "choose mark, or the other switch"
+                f"home {self.value} means {side} positions, with the switch at the {end} end of travel, and "
+                f"the targets are {low:.9g} to {high:.9g}; choose {other.value} if the switch is at the "
+                f"{side} end, or mark if home is a mark between them"
             )
         if is_positive:
             return HomeReference(low, Direction.FORWARD)

@@ -197,7 +197,7 @@ def _tables(
         return
     low, high = screw.means.targets[0], screw.means.targets[-1]
     if points.step is not None:
-        positions = grid_positions(lines, points.step, points.travel)
+        positions = grid_positions(points.step, points.travel or (lines.first, lines.last), lines.units)
         yield _table(screw, shape, positions, points, home, reach=points.step), points.step, False
         return
     if shape is Shape.SMOOTH and points.tolerance is None:

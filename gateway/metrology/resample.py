@@ -7,6 +7,7 @@ from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES
@@ -39,25 +40,23 @@ def on_grid(
         ReadingsError: a step that is not positive, so large that less than two multiples fit, or so small
             that a hundred thousand do.
     """
-    return _at(table, grid_positions(table, step, span))
+    return _at(table, grid_positions(step, span or (table.first, table.last), table.units))
 
 
-def grid_positions(
-    table: CorrectionTable, step: float, span: tuple[float, float] | None = None
-) -> list[float]:
-    """Return the multiples of a step inside ``span``, or without one inside the table.
+def grid_positions(step: float, span: tuple[float, float], units: Units) -> list[float]:
+    """Return the multiples of a step inside ``span``.
 
     Raises:
         ReadingsError: see :func:`on_grid`.
     """
     if not step > 0.0:
         raise ReadingsError(f"a step of {step:g}: it must be a length above 0")
-    first, last = span or (table.first, table.last)
+    first, last = span
     low = ceil(first / step - GRID_TOLERANCE)
     high = floor(last / step + GRID_TOLERANCE)
     if not 1 <= high - low < MAX_POINTS:
         raise ReadingsError(
-            f"a step of {step:g} {table.units.value}: {max(high - low + 1, 0)} multiples of it lie in "
+            f"a step of {step:g} {units.value}: {max(high - low + 1, 0)} multiples of it lie in "
             f"{first:.9g} to {last:.9g}; from 2 to {MAX_POINTS} must"
         )
     return [round(index * step, DIGITS) + 0.0 for index in range(low, high + 1)]

@@ -7,10 +7,12 @@ is as long as the error is steep, and a wrong drive ratio looks like a bad screw
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from math import isfinite
 from statistics import fmean, median
 from typing import Final
 
 from gateway.compensation.direction import Direction
+from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.readings import APPROACHES, Reading, mean_corrections
 
@@ -18,6 +20,12 @@ MOST: Final = 3e-4
 """0.3 mm/m: more is no screw but a wrong scale, and is asked for first."""
 LEAST_TARGETS: Final = 3
 _PER_METRE_UM: Final = 1e6
+TRIAL_MOVE: Final = {Units.MM: 1.0, Units.INCH: 0.05, Units.DEGREE: 1.0}
+"""A move that does no harm when it becomes ten times as long."""
+ROUGHLY: Final = 0.2
+"""Share by which a trial move may miss: lost motion, and a rule that is read by eye."""
+LEAST_MOVED: Final = 1e-6
+"""Share of a trial move: less is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +55,36 @@ class ScaleError:
             return f"{said}times {self.counts_factor:.8f} would remove it"
         right = counts_per_unit * self.counts_factor
         return f"{said}{right:.9g} instead of {counts_per_unit:.9g} would remove it"
+
+
+def fault_of_trial(moved: float, counts_per_unit: float, units: Units) -> str:
+    """Say what is wrong where an axis was told to move by :data:`TRIAL_MOVE`, and moved by ``moved``.
+
+    "" where its scale is of the right size and sign; the last digits are for a table and its linear part.
+
+    Raises:
+        ReadingsError: it is no finite number.
+
+    >>> fault_of_trial(10.0, 1000.0, Units.MM)
+    'it moved by 10 mm, not by 1 mm: counts_per_unit has to be about 100, not 1000'
+    >>> fault_of_trial(-0.98, 1000.0, Units.MM)
+    'it moved by -0.98 mm, not by 1 mm: turn the sign of counts_per_unit, -1000'
+    >>> fault_of_trial(0.95, 1000.0, Units.MM)
+    ''
+    """
+    if not isfinite(moved):
+        raise ReadingsError(f"--moved {moved}: it must be a finite number")
+    told = TRIAL_MOVE[units]
+    said = f"it moved by {moved:.6g} {units.value}, not by {told:g} {units.value}"
+    ratio = moved / told
+    if abs(ratio - 1.0) <= ROUGHLY:
+        return ""
+    if abs(ratio) < LEAST_MOVED:
+        return f"{said}: is the drive enabled? is counts_per_unit, {counts_per_unit:.9g}, large enough?"
+    if abs(ratio + 1.0) <= ROUGHLY:
+        return f"{said}: turn the sign of counts_per_unit, {-counts_per_unit:.9g}"
+    right = counts_per_unit * ScaleError(ratio - 1.0).counts_factor
+    return f"{said}: counts_per_unit has to be about {right:.6g}, not {counts_per_unit:.9g}"
 
 
 def scale_of(readings: Iterable[Reading]) -> ScaleError | None:

@@ -140,18 +140,18 @@ class SignTest:
         return self.verdict is Verdict.RIGHT
 
 
-def sign_test(curve: Curve, at: Measurement) -> SignTest:
-    """Judge two readings against the table as the axis uses it, in the same units."""
+def sign_test(curve: Curve, at: Measurement, inside: tuple[float, float] | None = None) -> SignTest:
+    """Judge two readings against the table as the axis uses it, in the same units.
+
+    ``inside``: from where to where a better place is looked for, as for :func:`best_place`.
+    """
     ways = _ways(curve.table)
     expected = {way: _expected(curve, way, at.position) for way in ways}
     off_by = {way: at.readings.distance(pair) for way, pair in expected.items()}
     nearest = min(off_by.values())
     # Two ways are told apart when the readings, right to the uncertainty, prefer one of them.
     near = [way for way in ways if off_by[way] - nearest <= 2.0 * at.uncertainty]
-    table = Pair(
-        CorrectionMap((Term(curve, 1.0, 0.0),)).correction(at.position),
-        CorrectionMap((Term(curve, 0.0, 1.0),)).correction(at.position),
-    )
+    table = _corrections(curve, at.position)
     return SignTest(
         verdict=_verdict(at, near, nearest, table),
         position=at.position,
@@ -160,29 +160,60 @@ def sign_test(curve: Curve, at: Measurement) -> SignTest:
         expected=expected,
         off_by=off_by,
         candidates=tuple(sorted(near, key=lambda way: off_by[way])),
-        best=best_place(curve.table),
+        best=best_place(curve, inside),
         share=_share(table, at.measured),
         tells_direction=all(abs(place - at.position) > 2.0 * at.largest for place in at.mirrored),
     )
 
 
-def best_place(table: CorrectionTable) -> BestPlace:
-    """Return the point of a table at which a sign test tells most.
+def room(table: CorrectionTable, travel: tuple[float, float] | None, keep_away: float) -> tuple[float, float]:
+    """Return from where to where a sign test finds room: inside the table, and away from the ends of travel.
+
+    The axis needs ``keep_away`` on both sides of the place, to come to it from below and from above. Where no
+    travel is known the table's ends count as its ends. In a travel that is too short only its middle is left.
+
+    >>> from gateway.compensation.table import make_table
+    >>> from gateway.compensation.units import Units
+    >>> table = make_table([-300.0, 0.0], [0.0, 0.1], [0.0, 0.1], Units.MM)
+    >>> room(table, (-300.0, 0.0), 1.01), room(table, (-500.0, 500.0), 1.01), room(table, (0.0, 1.0), 1.01)
+    ((-298.99, -1.01), (-300.0, 0.0), (0.0, 0.0))
+    """
+    low, high = (table.first, table.last) if travel is None else travel
+    low, high = low + keep_away, high - keep_away
+    if low > high:
+        low = high = (low + high) / 2.0
+    return max(min(low, table.last), table.first), min(max(high, table.first), table.last)
+
+
+def best_place(curve: Curve, inside: tuple[float, float] | None = None) -> BestPlace:
+    """Return the place at which a sign test tells most: a point of the table, or an end of ``inside``.
 
     Right and inverted differ by twice the larger correction; right and swapped by forward - backward; right
     and both by forward + backward. The smallest of the three counts, and its largest value wins. A table of
     one direction has no columns to swap, and only the first one counts.
     """
+    table = curve.table
+    low, high = (table.first, table.last) if inside is None else inside
+    places = sorted({low, high, *(x for x in table.positions if low <= x <= high)})
     return max(
         (
-            BestPlace(x, _separation(f, b, is_one_way=table.is_unidirectional))
-            for x, f, b in zip(table.positions, table.forward, table.backward, strict=True)
+            BestPlace(x, _separation(_corrections(curve, x), is_one_way=table.is_unidirectional))
+            for x in places
         ),
         key=lambda place: place.separation,
     )
 
 
-def _separation(forward: float, backward: float, *, is_one_way: bool) -> float:
+def _corrections(curve: Curve, position: float) -> Pair:
+    """Return what the table adds at a place."""
+    return Pair(
+        CorrectionMap((Term(curve, 1.0, 0.0),)).correction(position),
+        CorrectionMap((Term(curve, 0.0, 1.0),)).correction(position),
+    )
+
+
+def _separation(correction: Pair, *, is_one_way: bool) -> float:
+    forward, backward = correction.forward, correction.backward
     inverted = 2.0 * max(abs(forward), abs(backward))
     return inverted if is_one_way else min(inverted, abs(forward - backward), abs(forward + backward))
 

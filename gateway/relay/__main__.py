@@ -11,7 +11,7 @@ from functools import partial
 
 from gateway.ipc.children import follow_parent, tell_parent
 from gateway.ipc.compiled_plan import read_plan
-from gateway.ipc.notes import note_writer
+from gateway.ipc.notes import note_writer, take_standard_error
 from gateway.ipc.program_options import options_of
 from gateway.ipc.service_manager import handed_over, manager_of
 from gateway.ipc.state_folder import StateError, state_folder
@@ -21,6 +21,7 @@ from gateway.relay.errors import StartError
 def main() -> int:
     """Run until a signal ends it; returns the exit code."""
     options = options_of(sys.argv[1:])
+    take_standard_error(options.log_format)
     # What is loaded stays: to search all of it for garbage again and again is a tenth of the start.
     gc.disable()
     from gateway.relay.run import Service, run_relay
@@ -32,8 +33,8 @@ def main() -> int:
     if not options.parent:  # a child of run is no service of its own
         service = Service(manager_of(os.environ), tuple(handed_over(os.environ)))
     try:
-        state = state_folder(config)
-        plan = read_plan(state, config).plan
+        state = options.state or state_folder(config)
+        plan = read_plan(state, config, is_compared=options.state is None).plan
         run_relay(
             plan,
             note_writer(options.log_format),

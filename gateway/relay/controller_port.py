@@ -32,6 +32,14 @@ NO_FRAMES: Final[list[Frame]] = []
 """The same of RTU."""
 
 
+class Asked:
+    """When a controller asked last, over whichever of its connections."""
+
+    def __init__(self) -> None:
+        self.newest_ns = 0
+        """When its newest whole request came; 0: never."""
+
+
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Requests:
     """Where whole requests go: the exchange of a line.
@@ -73,8 +81,11 @@ class MbapControllerPort(ControllerPort):
         exchange: Requests,
         counters: MbapCounters,
         on_malformed: Callable[[str], None],
+        *,
+        asked: Asked | None = None,
     ) -> None:
         super().__init__(plan)
+        self._asked = asked or Asked()
         self._exchange = exchange
         self._on_malformed = on_malformed
         self._decoder = MbapDecoder(counters)
@@ -124,7 +135,7 @@ class MbapControllerPort(ControllerPort):
         for transaction_id, unit_id, pdu in requests:
             self._exchange.request(self, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
         if is_any:
-            self.asked_ns = now_ns
+            self.asked_ns = self._asked.newest_ns = now_ns
             self.unfinished_ns = 0
         if not is_one:
             self.unfinished_ns = 0 if decoder.is_between_frames else self.unfinished_ns or now_ns
@@ -168,8 +179,11 @@ class RtuControllerPort(ControllerPort):
         decoder: RtuRequestDecoder,
         gap_ns: int,
         wire: Wire | None = None,
+        *,
+        asked: Asked | None = None,
     ) -> None:
         super().__init__(plan)
+        self._asked = asked or Asked()
         self._exchange = exchange
         self._decoder = decoder
         self._gap_ns = gap_ns
@@ -218,7 +232,7 @@ class RtuControllerPort(ControllerPort):
         pdu = decoder.one(data, now_ns)
         requests = NO_FRAMES if len(pdu) else decoder.feed(data, now_ns)
         if has_left:
-            self.asked_ns = now_ns
+            self.asked_ns = self._asked.newest_ns = now_ns
             self.whole += 1
             pdu, requests = b"", requests[1:]
         is_one = len(pdu) > 0
@@ -234,7 +248,7 @@ class RtuControllerPort(ControllerPort):
             self._timer.arm(decoder.deadline_ns)
         if is_one:
             self._exchange.request(self, 0, data[0], pdu, now_ns, why_given_up=why_given_up)
-            self.asked_ns = now_ns
+            self.asked_ns = self._asked.newest_ns = now_ns
             self.whole += 1
         elif len(requests):
             self._pass_on(requests, now_ns, why_given_up)
@@ -313,5 +327,5 @@ class RtuControllerPort(ControllerPort):
             why = why_all or (SENT_ANOTHER if is_given_up else "")
             self._exchange.request(self, 0, unit_id, pdu, now_ns, why_given_up=why)
         if requests:
-            self.asked_ns = now_ns
+            self.asked_ns = self._asked.newest_ns = now_ns
             self.whole += len(requests)

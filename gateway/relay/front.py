@@ -18,7 +18,7 @@ from gateway.exchange.plan import ControllerPlan
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
 from gateway.modbus.rtu_line import RtuCounters
-from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
+from gateway.relay.controller_port import Asked, MbapControllerPort, RtuControllerPort
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Place, keep_port, open_kept
 from gateway.relay.last_minute import LastMinute
@@ -55,6 +55,7 @@ class TcpFront:
         self.endpoint = endpoint
         self._exchange = exchange
         self._note = _noter(journal, line, link.plan.name)
+        self._asked = Asked()
         self._counters = MbapCounters()
         self._rtu_counters = RtuCounters()
         self._refusals = Refusals(self._note)
@@ -122,6 +123,7 @@ class TcpFront:
             "role": self.plan.role.value,
             "address": [str(address) for address in self.addresses] or str(self.endpoint),
             "connections": self._listener.peers,
+            "asked_s": _age_s(self._asked),
             "refused_connections": self._listener.refused,
             **self._framing(),
             **({} if self._door is None else {"tls": self._door.status(now_utc())}),
@@ -148,8 +150,8 @@ class TcpFront:
         if self.endpoint.rtu:
             decoder = request_decoder(self.endpoint)
             decoder.counters = self._rtu_counters
-            return RtuControllerPort(plan, self._exchange, decoder, gap_ns=0)
-        return MbapControllerPort(plan, self._exchange, self._counters, self._malformed)
+            return RtuControllerPort(plan, self._exchange, decoder, gap_ns=0, asked=self._asked)
+        return MbapControllerPort(plan, self._exchange, self._counters, self._malformed, asked=self._asked)
 
     def _malformed(self, peer: str) -> None:
         self._refusals.count(CONNECTION_MALFORMED, host_of(peer), GARBAGE)
@@ -171,12 +173,14 @@ class SerialFront:
         self.plan: ControllerPlan = link.plan
         self.endpoint = endpoint
         note = _noter(journal, line, link.plan.name)
+        self._asked = Asked()
         self._port = RtuControllerPort(
             self.plan,
             exchange,
             request_decoder(endpoint, odd_units),
             frame_silence_ns(endpoint),
             wire_of(endpoint),
+            asked=self._asked,
         )
         self._port.ends_by_silence = True
         self._serial = SerialPort(
@@ -228,6 +232,7 @@ class SerialFront:
             "state": "up" if self._serial.is_open else "down",
             "failure": self._serial.failure,
             "opens": self._serial.opens,
+            "asked_s": _age_s(self._asked),
             "notes": list(self._serial.notes),
             "latency": self._serial.latency,
             **self._port.counters(),
@@ -259,6 +264,11 @@ def make_front(
 def wire_of(endpoint: SerialEndpoint) -> Wire:
     """Return the wire of a serial line, as cut-through sees it."""
     return Wire(character_ns(endpoint), frame_silence_ns(endpoint))
+
+
+def _age_s(asked: Asked) -> float | None:
+    """Return how long ago a controller asked last; None: not since the start."""
+    return round((boot_ns() - asked.newest_ns) / NS_PER_S, 3) if asked.newest_ns else None
 
 
 def _noter(journal: Journal, line: str, controller: str) -> Callable[[EventEntry, str], None]:

@@ -133,7 +133,9 @@ def sentence(found: Findings) -> str:
         if not known or len(numbers) < len(known):
             continue
         if before is not None and after is not None:
-            return _change(found, words, numbers[0], numbers[1]) + between(found)
+            if left := _left_between(found):
+                return _predicted(found, words, left, numbers[0], numbers[1])
+            return _change(found, words, numbers[0], numbers[1])
         if before is not None:
             return f"{found.subject} is {words} {show(numbers[0])} as it was measured."
         where = " at the targets" if found.story.is_predicted else ""
@@ -142,7 +144,7 @@ def sentence(found: Findings) -> str:
     return _about_table(found)
 
 
-def between(found: Findings) -> str:
+def _left_between(found: Findings) -> str:
     """Say what a table will leave where nobody measured; empty where nothing tells it."""
     left_out = found.story.left_out
     if left_out is None or not found.story.is_predicted:
@@ -150,12 +152,21 @@ def between(found: Findings) -> str:
     show = found.scale.rounded
     if left_out.e is None or left_out.high is None:
         return (
-            f" Between the targets it leaves a systematic deviation E of at least {show(left_out.low)}; how "
-            f"much it is, is {left_out.unknown}."
+            f"it leaves a systematic deviation E of at least {show(left_out.low)} between the targets; how "
+            f"much it is, is {left_out.unknown}"
         )
     return (
-        f" Between the targets it is predicted to leave a systematic deviation E of {show(left_out.e)}, in "
-        f"nine of ten cases between {show(left_out.low)} and {show(left_out.high)}."
+        f"it is predicted to leave a systematic deviation E of {show(left_out.e)} between the targets, in "
+        f"nine of ten cases between {show(left_out.low)} and {show(left_out.high)}"
+    )
+
+
+def _predicted(found: Findings, words: str, left: str, before: float, after: float) -> str:
+    """Say first what is left between the targets: at them a table that was made of them leaves hardly any."""
+    show = found.scale.rounded
+    return (
+        f"{found.subject} was {words} {show(before)}. With the table {left}. At the targets "
+        f"themselves it is predicted to be {words} {show(after)}."
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
 
+from gateway.compensation.units import Units
 from gateway.drives.motion import Form
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
@@ -17,6 +18,7 @@ from gateway.simulator.drive import MAX_READ_REGISTERS, MAX_WRITE_REGISTERS, Sim
 from gateway.simulator.drives.catalogue import DRIVES
 from gateway.simulator.drives.motor import Motor
 from gateway.simulator.endpoints import Delay, SerialDriveServer, TcpDriveServer
+from gateway.simulator.gauge import VirtualGauge
 from gateway.simulator.mechanics import Mechanics, encoder_of, unit_mm
 from gateway.simulator.motion import Dynamics
 from gateway.simulator.ports import PortLinks
@@ -155,6 +157,24 @@ class World:
     async def __aexit__(self, *exc_info: object) -> None:
         """Close everything."""
         await self._exits.aclose()
+
+    def add_gauges(self) -> dict[str, VirtualGauge]:
+        """Put a laser at each axis that measures a length; return them by the paths of their ports.
+
+        Raises:
+            SimulatorError: a port that cannot be made.
+        """
+        gauges = {}
+        plans = {plan.name: plan for line in self._plan.lines for plan in line.axes}
+        for axis in (axis for bus in self.buses.values() for drive in bus.drives for axis in drive.axes):
+            plan = plans[axis.name]
+            if plan.settings.units is Units.DEGREE:
+                continue  # measure knows lengths only
+            path = f"gauge-{axis.name}"
+            port = self._ports.make(Path(path)).master_fd
+            gauges[path] = VirtualGauge(plan, axis.mechanics, port, self._clock, seed=self._seed)
+            self._exits.callback(gauges[path].close)
+        return gauges
 
     async def _serve(self, line: LinePlan) -> ServedLine:
         bus = self.buses[line.name] = simulated_bus(line.axes, self._seed)

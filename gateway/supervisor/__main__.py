@@ -6,7 +6,7 @@ import signal
 import sys
 
 from gateway.ipc.children import follow_parent
-from gateway.ipc.notes import note_writer
+from gateway.ipc.notes import note_writer, take_standard_error
 from gateway.ipc.place import SocketError
 from gateway.ipc.program_options import options_of
 from gateway.ipc.service_manager import manager_of
@@ -16,6 +16,7 @@ from gateway.ipc.state_folder import StateError, state_folder
 def main() -> int:
     """Run until a signal ends it; returns the exit code."""
     options = options_of(sys.argv[1:])
+    take_standard_error(options.log_format)
     # What is loaded stays: to search all of it for garbage again and again is a tenth of the start.
     gc.disable()
     from gateway.supervisor.process import run_supervisor
@@ -27,7 +28,7 @@ def main() -> int:
     try:
         run_supervisor(
             config,
-            state_folder(config),
+            options.state or state_folder(config),
             note_writer(options.log_format),
             tells_events=options.tells_events,
             manager=manager,

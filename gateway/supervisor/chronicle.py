@@ -1,14 +1,15 @@
 """What the supervisor remembers of the time before: since when something is wrong, and where axes were.
 
-All of it is bounded, and ends with the process.
+All of it is bounded, and ends with the process; ``supervisor.past`` keeps some of it for the next one.
 """
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
 
+from gateway.supervisor.acknowledged import Acknowledged, Acknowledgement
 from gateway.supervisor.trouble import Place, Trouble
 
 HISTORY_S: Final = 600
@@ -27,27 +28,80 @@ class Seen:
     nominal: float | None
     corrected: float | None
     correction: float | None
+    compensation: str
+    """Its state, as the status says it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where an axis was sent last, on the controller's scale; None: it has no target."""
+
+    nominal: float | None
+    at_s: float
+    """When it was seen first."""
+    is_older: bool
+    """It was there before anybody looked."""
+
+
+def _now() -> datetime:
+    return datetime.now(UTC)
 
 
 class Chronicle:
-    """The recent past; times in seconds are those of ``time.monotonic``."""
+    """The recent past; times in seconds are those of ``time.monotonic``, ``now`` tells the time of day."""
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], datetime] = _now) -> None:
+        self._now = now
+        self.acknowledged = Acknowledged()
         self._since: dict[tuple[str, Place], str] = {}
+        self._found: Sequence[Trouble] = ()
+        self._words: dict[tuple[str, ...], tuple[str, str]] = {}
+        """By what it is about: what is said of it, and since when."""
         self._last: dict[str, Seen] = {}
+        self._targets: dict[str, Target] = {}
         self._history: dict[str, deque[Seen]] = {}
         self._snapshot: Mapping[str, Any] | None = None
 
     def stamp(self, found: Sequence[Trouble], now: datetime) -> list[dict[str, Any]]:
-        """Return troubles as plain data, each with the time since when it is there."""
-        self._since = {
-            (each.entry.kind, each.place): self._since.get((each.entry.kind, each.place))
-            or datetime.fromtimestamp(now.timestamp() - (each.age_s or 0.0), UTC).isoformat(
-                timespec="seconds"
-            )
-            for each in found
+        """Return troubles as plain data, each with the time since when it is there, and who has seen it."""
+        self._found = found
+        self._since = {each.place_key: self._since_of(each, now) for each in found}
+        return [self._told(each) for each in found]
+
+    def _since_of(self, each: Trouble, now: datetime) -> str:
+        if (since := self._since.get(each.place_key)) is not None:
+            return since
+        if (seen := self.acknowledged[each.place_key]) is not None:
+            return seen.since
+        begin = datetime.fromtimestamp(now.timestamp() - (each.age_s or 0.0), UTC)
+        return begin.isoformat(timespec="seconds")
+
+    def _told(self, each: Trouble) -> dict[str, Any]:
+        seen = self.acknowledged[each.place_key]
+        return {
+            **each.as_data(self._since[each.place_key]),
+            "acknowledged": None if seen is None else seen.as_data(),
         }
-        return [each.as_data(self._since[each.entry.kind, each.place]) for each in found]
+
+    def acknowledge(
+        self, kind: str, where: str, since: str, by: str, now: datetime
+    ) -> Acknowledgement | None:
+        """Note who has seen an alarm; None: there is none like that, or not any more."""
+        for each in self._found:
+            if (*each.key, self._since[each.place_key]) == (kind, where, since):
+                return self.acknowledged.add(each, since, by, now)
+        return None
+
+    def since_of(self, trouble: Trouble) -> str:
+        """Return since when a trouble is there that was stamped, as ISO 8601."""
+        return self._since[trouble.entry.kind, trouble.place]
+
+    def since(self, about: tuple[str, ...], word: str) -> str:
+        """Return since when the same is said of something, as ISO 8601; not from before this process."""
+        before = self._words.get(about)
+        if before is None or before[0] != word:
+            before = self._words[about] = word, self._now().isoformat(timespec="seconds")
+        return before[1]
 
     def take(self, snapshot: Mapping[str, Any] | None, now_s: float) -> None:
         """Keep where the axes are, of a snapshot that has not been taken yet."""
@@ -57,10 +111,18 @@ class Chronicle:
         for name in self._history.keys() - snapshot["axes"].keys():
             del self._history[name]
             self._last.pop(name, None)
+            self._targets.pop(name, None)
+            self._words.pop((name,), None)
         for name, axis in snapshot["axes"].items():
             seen = _seen(axis, now_s)
             if seen.nominal is not None:
                 self._last[name] = seen
+            elif name not in self._last and (told := axis.get("last_actual")) is not None:
+                at_s = now_s - told["age_s"]  # read before anybody looked
+                self._last[name] = Seen(at_s, told["nominal"], told["corrected"], None, axis["compensation"])
+            nominal, before = axis.get("nominal_setpoint"), self._targets.get(name)
+            if before is None or before.nominal != nominal:
+                self._targets[name] = Target(nominal, now_s, before is None)
             kept = self._history.setdefault(name, deque(maxlen=int(HISTORY_S / EVERY_S)))
             if not kept or seen.at_s - kept[-1].at_s >= EVERY_S - EARLY_S:
                 kept.append(seen)
@@ -73,17 +135,21 @@ class Chronicle:
         age_s = round(now_s - seen.at_s, 1)
         return {"nominal": seen.nominal, "corrected": seen.corrected, "age_s": age_s}
 
-    def history(self, axis: str, now_s: float) -> dict[str, Any] | None:
+    def target(self, axis: str, now_s: float) -> dict[str, Any] | None:
+        """Return how old the target of an axis is; None where it has none."""
+        target = self._targets.get(axis)
+        if target is None or target.nominal is None:
+            return None
+        return {"age_s": round(now_s - target.at_s, 1), "is_at_least": target.is_older}
+
+    def history(self, axis: str) -> Sequence[Seen] | None:
         """Return the last ten minutes of an axis, oldest first; None: nothing is known of it."""
         kept = self._history.get(axis)
-        if kept is None:
-            return None
-        return {
-            "axis": axis,
-            "ages_s": [round(now_s - seen.at_s, 1) for seen in kept],
-            "nominal": [seen.nominal for seen in kept],
-            "correction": [None if s.correction is None else round(s.correction, 7) for s in kept],
-        }
+        return None if kept is None else tuple(kept)
+
+    def newest(self) -> dict[str, Seen]:
+        """Return where each axis was seen last, or that nobody knew."""
+        return {axis: kept[-1] for axis, kept in self._history.items() if kept}
 
 
 def _seen(axis: Mapping[str, Any], now_s: float) -> Seen:
@@ -91,4 +157,5 @@ def _seen(axis: Mapping[str, Any], now_s: float) -> Seen:
     correction = axis.get("correction")
     if axis["compensation"] != "shadow" and nominal is not None and corrected is not None:
         correction = corrected - nominal
-    return Seen(now_s - (axis.get("actual_age_s") or 0.0), nominal, corrected, correction)
+    at_s = now_s - (axis.get("actual_age_s") or 0.0)
+    return Seen(at_s, nominal, corrected, correction, axis["compensation"])

@@ -6,12 +6,17 @@ It is made anew for each snapshot and never changed afterwards.
 import time
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Final
 
 import gateway
 from gateway.supervisor.book import Entry
 from gateway.supervisor.chronicle import Chronicle
-from gateway.supervisor.trouble import of_axis, troubles
+from gateway.supervisor.trouble import is_fresh, of_axis, troubles
+from gateway.supervisor.verdict import of_axes, of_gateway, position_of
+
+Limits = Mapping[tuple[str, str], float]
+"""``silent_after_s`` of controllers that have one, by line and controller."""
+NO_LIMITS: Final[Limits] = {}
 
 
 def whole_model(
@@ -21,8 +26,9 @@ def whole_model(
     is_relay_up: bool,
     snapshot_age_s: float | None,
     tables: Mapping[str, Entry],
-    supervisor: Mapping[str, Any],
+    supervisor: Mapping[str, Any] | None,
     chronicle: Chronicle | None = None,
+    silent_after_s: Limits = NO_LIMITS,
 ) -> dict[str, Any]:
     """Return the model.
 
@@ -34,7 +40,9 @@ def whole_model(
         tables: what is known of the table files, by axis.
         supervisor: what the supervisor says of itself: ``configuration``, ``tables_folder``,
             ``state_folder``, ``http`` and ``mqtt``, each with a ``problem`` that is None where all is well.
+            None: there is no supervisor.
         chronicle: what is remembered of the time before; None: nothing is.
+        silent_after_s: after how long each controller counts as silent that has a limit of its own.
     """
     now_s = time.monotonic()
     chronicle = chronicle or Chronicle()
@@ -50,16 +58,54 @@ def whole_model(
             "relay": "up" if is_relay_up else "down",
             "snapshot_age_s": None if snapshot_age_s is None else round(snapshot_age_s, 3),
         },
-        "lines": {} if snapshot is None else snapshot["lines"],
+        "lines": {
+            line: _with_silences(
+                status, snapshot_age_s or 0.0, relay_gateway["uptime_s"], line, silent_after_s
+            )
+            for line, status in ({} if snapshot is None else snapshot["lines"]).items()
+        },
         "axes": {axis: _with_file(status, tables.get(axis)) for axis, status in axes.items()},
-        "supervisor": dict(supervisor),
+        "supervisor": None if supervisor is None else dict(supervisor),
     }
     found = troubles(model)
+    chronicle.acknowledged.follow(found, now_s)
     model["troubles"] = chronicle.stamp(found, datetime.now(UTC))
+    model["verdict"] = of_gateway(model, found, chronicle)
+    verdicts = of_axes(model, found, chronicle)
     for axis, status in model["axes"].items():
-        status["trouble"] = of_axis(found, axis)
+        worst = of_axis(found, axis)
+        status["verdict"] = verdicts[axis]
+        status["trouble"] = None if worst is None else worst.of_axis()
         status["last_seen"] = chronicle.last(axis, now_s)
+        is_now = is_fresh(model) and status.get("nominal_actual") is not None
+        status["position"] = position_of(
+            status, status["last_seen"], chronicle.target(axis, now_s), is_now=is_now
+        )
     return model
+
+
+def _with_silences(
+    line: Mapping[str, Any], age_s: float, uptime_s: float, name: str, limits_s: Limits
+) -> dict[str, Any]:
+    """Return a line whose controllers say how long they have been silent, and after how long that counts.
+
+    One that has never asked has been silent since the relay's start. An older relay says nothing of it.
+    """
+    if "controllers" not in line:
+        return dict(line)
+    return {
+        **line,
+        "controllers": [
+            {
+                **each,
+                "silent_s": round((uptime_s if each["asked_s"] is None else each["asked_s"]) + age_s, 3),
+                "silent_after_s": limits_s.get((name, each["name"])),
+            }
+            if "asked_s" in each
+            else each
+            for each in line["controllers"]
+        ],
+    }
 
 
 def _with_file(status: Mapping[str, Any], entry: Entry | None) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from gateway.ipc.place import socket_path
 from gateway.ipc.service_manager import ServiceManager
 from gateway.ipc.state_folder import StateError, make_folder
 from gateway.ipc.state_lock import take_lock
+from gateway.ipc.state_version import refuse_newer, writer_of
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.sights import ignore_broken_leases
 from gateway.supervisor.supervisor import Supervisor
@@ -44,9 +45,10 @@ def run_supervisor(
 
     Raises:
         SocketError: the path of the relay's socket is too long.
-        StateError: another supervisor has the state folder, or it cannot be had.
+        StateError: another supervisor has the state folder, a newer release wrote it, or it cannot be had.
     """
     socket_path(state)  # too long a one is said before anything is locked
+    refuse_newer(state, writer_of(state))
     ignore_broken_leases()
     lock_fd = _lock(state)
     try:

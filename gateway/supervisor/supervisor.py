@@ -4,13 +4,15 @@ import asyncio
 import contextlib
 import time
 import traceback
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Sequence
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from gateway.catalogue.entry import EventEntry, Severity
 from gateway.catalogue.process_events import RELAY_NOT_REACHED, RELAY_REACHED, SUPERVISING
+from gateway.catalogue.publishing_events import ALARM_ACKNOWLEDGED
 from gateway.catalogue.table_events import (
     CONFIGURATION_CHANGED,
     NOTHING_TO_RELOAD,
@@ -31,6 +33,7 @@ from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, note_of
 from gateway.ipc.place import socket_path
 from gateway.ipc.plan import GatewayPlan
+from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.aside import aside
 from gateway.supervisor.book import Book
 from gateway.supervisor.capturing import Capturing
@@ -44,6 +47,7 @@ from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.service import MqttService
 from gateway.supervisor.mqtt.settings import settings_of
 from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.past import Noted, Past
 from gateway.supervisor.tables import Keeper
 from gateway.supervisor.temperatures import Temperatures
 from gateway.supervisor.watching import SLOW_S, Watch, wake_on_change
@@ -70,6 +74,7 @@ class Supervisor:
         self.feeds = Feeds(self._link.want)
         """The status model and the events, for whoever shows them."""
         self._chronicle = Chronicle()
+        self._past = Past(state, self._chronicle, self._say)
         self._config = config
         self._state = state
         self._write = write
@@ -93,7 +98,14 @@ class Supervisor:
         self._waker: asyncio.Task[None] | None = None
         self._published_s = -TICK_S
         window = Window(
-            self.feeds, state, self._settings_of, self.reload, self._say, self._history, self._plan
+            self.feeds,
+            state,
+            self._settings_of,
+            self.reload,
+            self._say,
+            self._history,
+            self._plan,
+            self._acknowledge,
         )
         self._http = HttpService(window)
         orders = Orders(self.reload, partial(ask, socket_path(state)))
@@ -103,6 +115,7 @@ class Supervisor:
 
     async def run(self) -> None:
         """Run until cancelled."""
+        await self._past.recall()
         self._say(SUPERVISING, config=str(self._config))
         self._work_wanted.set()
         await self._all(
@@ -115,6 +128,7 @@ class Supervisor:
             self._mqtt.run(),
             self._temperatures.run(),
             self._capturing.run(),
+            self._past.run(),
         )
 
     async def reload(self) -> Outcome:
@@ -163,7 +177,7 @@ class Supervisor:
         """Tell when nothing can be kept in the state folder: else a start would be the first to notice."""
         identity = await aside(partial(identity_of, self._state))
         while True:
-            found = await aside(partial(why_not_usable, self._state, identity))
+            found = await aside(partial(why_not_usable, self._state, identity)) or self._past.problem
             before, self._state_problem = self._state_problem, found
             if found is not None and before is None:
                 self._say(STATE_FOLDER_UNUSABLE, detail=str(found))
@@ -230,7 +244,7 @@ class Supervisor:
     def _configure(self, loaded: Loaded) -> None:
         """Follow what a configuration says: the same as before changes nothing."""
         self._follow(loaded.tables_folder)
-        self._http.configure(loaded.sections.http, loaded.path.parent)
+        self._http.configure(loaded.sections.http, loaded.plan.name, loaded.path.parent)
         mqtt = loaded.sections.mqtt
         folder = loaded.path.parent
         self._temperatures.follow(loaded.sections)
@@ -297,11 +311,20 @@ class Supervisor:
                 tables=self._book.entries(self._watch.moving),
                 supervisor=self._own_status(),
                 chronicle=self._chronicle,
+                silent_after_s={} if loaded is None else loaded.sections.silent_after_s,
             )
         )
 
-    def _history(self, axis: str) -> Mapping[str, Any] | None:
-        return self._chronicle.history(axis, time.monotonic())
+    async def _history(self, axis: str, span_s: float) -> Sequence[Noted] | None:
+        return await self._past.of(axis, span_s, time.monotonic(), time.time())
+
+    def _acknowledge(self, kind: str, where: str, since: str, by: str) -> Acknowledgement | None:
+        version = self._chronicle.acknowledged.version
+        done = self._chronicle.acknowledge(kind, where, since, by, datetime.now(UTC))
+        if self._chronicle.acknowledged.version != version:
+            self._past.wake()
+            self._say(ALARM_ACKNOWLEDGED, kind=kind, where=where, by=by)
+        return done
 
     def _plan(self) -> GatewayPlan | None:
         loaded = self._keeper.loaded

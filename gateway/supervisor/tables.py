@@ -45,7 +45,7 @@ from gateway.supervisor.stillness import Sight
 
 _LIVE: Final = re.compile(
     r"axis\.[^.]+\.(compensation|table|table_options\..*|gain(\..*)?|max_correction|max_slope|travel_margin|budget_us)"
-    r"|gateway\.tables|(http|mqtt)(\..*)?"
+    r"|line\.[^.]+\.controllers\[\d+\]\.silent_after_s|gateway\.tables|(http|mqtt)(\..*)?"
 )
 """Keys whose values a gateway that runs can be given."""
 

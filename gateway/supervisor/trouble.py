@@ -1,7 +1,8 @@
 """What is wrong right now, worked out of the status model, worst first: what, where, since when, what to do.
 
-The page's banner, the terminal, ``/healthz``, MQTT, metrics and alerts all go by this list. What only follows
-from something worse is left out as long as that lasts (``catalogue.troubles.HIDES``).
+The page's banner, the terminal, ``/healthz``, MQTT, metrics and alerts all show this list, and
+``supervisor.verdict`` makes one word of it. What only follows from something worse is left out as long as
+that lasts (``catalogue.troubles.HIDES``).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -9,8 +10,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from gateway.catalogue import troubles as kinds
-from gateway.catalogue.entry import Audience, Severity, TroubleEntry
-from gateway.catalogue.troubles import FEWEST_ASKED, SILENT_S
+from gateway.catalogue.entry import Severity, TroubleEntry
+from gateway.catalogue.said import Said, said
+from gateway.catalogue.troubles import CONTROLLER_SILENT_S, FEWEST_ASKED, SILENT_S
 from gateway.times import span
 
 STALE_S: Final = 2.0
@@ -49,19 +51,34 @@ class Trouble:
         """What makes it the same trouble as a moment ago."""
         return self.entry.kind, self.where
 
-    def hides(self, other: "Trouble") -> bool:
-        """Whether another one only follows from this one."""
-        is_within = other.place[: len(self.place)] == self.place
-        return is_within and other.entry in kinds.HIDES.get(self.entry, ())
+    @property
+    def place_key(self) -> tuple[str, Place]:
+        """The same without words: what stays when the words change."""
+        return self.entry.kind, self.place
+
+    def hides(self, entry: TroubleEntry, place: Place) -> bool:
+        """Whether a trouble of a kind at a place only follows from this one."""
+        is_within = place[: len(self.place)] == self.place
+        return is_within and entry in kinds.HIDES.get(self.entry, ())
+
+    def of_axis(self) -> dict[str, Any]:
+        """Return what an axis has of it, as plain data."""
+        return {
+            "kind": self.entry.kind,
+            "severity": self.entry.severity.value,
+            "title": self.entry.title,
+            "cuts_off": self.entry.cuts_off,
+        }
 
     def as_data(self, since: str) -> dict[str, Any]:
         """Return it as plain data; ``since`` as ISO 8601."""
         return {
             "kind": self.entry.kind,
             "severity": self.entry.severity.value,
-            "audience": self.entry.audience.value,
+            "audience": "operator",  # of all: whoever filtered by it sees every trouble
             "where": self.where,
-            "what": self.what,
+            "what": str(self.what),
+            "says": said(self.what),
             "remedy": self.entry.remedy,
             "since": since,
             "axes": list(self.axes),
@@ -79,27 +96,32 @@ def troubles(model: Mapping[str, Any]) -> list[Trouble]:
             for name, axis in model["axes"].items()
             for trouble in _of_axis(name, axis, places.get(name, ("?", "?", name)))
         ),
-        *_of_supervisor(model["supervisor"]),
+        *_of_supervisor(model["supervisor"], tuple(model["axes"])),
     ]
-    causes = [trouble for trouble in found if not any(other.hides(trouble) for other in found)]
+    causes = [
+        trouble for trouble in found if not any(other.hides(trouble.entry, trouble.place) for other in found)
+    ]
     return sorted(
         causes, key=lambda each: (each.entry.severity is not Severity.ERROR, _ORDER[each.entry.kind])
     )
 
 
-def of_axis(found: Sequence[Trouble], axis: str) -> dict[str, Any] | None:
-    """Return the worst that says something of an axis, for the operator; None: nothing is wrong with it."""
-    for trouble in found:
-        if axis in trouble.axes and trouble.entry.audience is Audience.OPERATOR:
-            entry = trouble.entry
-            severity = entry.severity.value
-            return {
-                "kind": entry.kind,
-                "severity": severity,
-                "title": entry.title,
-                "cuts_off": entry.cuts_off,
-            }
-    return None
+def is_hidden(kind: str, place: Place, found: Sequence[Trouble]) -> bool:
+    """Whether nobody would be told of a kind of trouble at a place, because of what is found."""
+    entry = kinds.TROUBLES.get(kind)
+    return entry is not None and any(other.hides(entry, place) for other in found)
+
+
+def is_fresh(model: Mapping[str, Any]) -> bool:
+    """Whether what the relay told is of now: nobody may take an old position for the place of a machine."""
+    gateway = model["gateway"]
+    age_s = gateway["snapshot_age_s"]
+    return gateway["relay"] == "up" and age_s is not None and age_s <= STALE_S
+
+
+def of_axis(found: Sequence[Trouble], axis: str) -> Trouble | None:
+    """Return the worst that says something of an axis; None: nothing is wrong with it."""
+    return next((trouble for trouble in found if axis in trouble.axes), None)
 
 
 def _axes_named(axes: Sequence[str]) -> str:
@@ -119,7 +141,7 @@ def _of_relay(model: Mapping[str, Any]) -> Iterator[Trouble]:
     if gateway["relay"] != "up":
         yield Trouble(kinds.RELAY_DOWN, (), "gateway", kinds.RELAY_DOWN.meaning, axes)
     elif age_s is not None and age_s > STALE_S:
-        what = f"the relay has said nothing for {span(age_s)}: the machine may not obey"
+        what = Said("the relay has said nothing for {span}: the machine may not obey", span=span(age_s))
         yield Trouble(kinds.RELAY_SILENT, (), "gateway", what, axes, age_s)
 
 
@@ -128,24 +150,29 @@ def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
     axes = tuple(line.get("unit_ids", _NOT_TOLD)["axes"])
     if line["state"] != "up":
         failure = line["drives"]["failure"]
-        what = (
-            f"the drives at {line['drives']['address']} cannot be reached{f': {failure}' if failure else ''}"
+        what = Said(
+            "the drives at {address} cannot be reached{failure}",
+            address=line["drives"]["address"],
+            failure=f": {failure}" if failure else "",
         )
         yield Trouble(kinds.LINE_DOWN, place, where, what, axes)
     if echo := line["drives"].get("echo"):
-        yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{line['drives']['address']}: {echo}")
+        yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{line['drives']['address']}: {echo}", axes)
     unit_ids = line.get("unit_ids", _NOT_TOLD)
     malformed = line.get("minute", {}).get("malformed", 0)
     if malformed:
-        what = (
-            f"{malformed} answers of the drives at {line['drives']['address']} had a header whose length "
-            "cannot be in the last minute: each ends its connection"
+        what = Said(
+            "{count} answers of the drives at {address} had a header whose length cannot be in the last "
+            "minute: each ends its connection",
+            count=malformed,
+            address=line["drives"]["address"],
         )
         yield Trouble(kinds.DRIVE_MALFORMED, place, where, what, axes)
     yield from _of_drives(name, unit_ids)
     yield from _of_damage(name, line)
     for controller in line.get("controllers", ()):
         yield from _of_controller(name, controller, unit_ids)
+    yield from _of_silence(name, line, axes)
     yield from _of_unit_ids(name, line)
 
 
@@ -161,29 +188,50 @@ def _of_drives(line: str, unit_ids: Mapping[str, Any]) -> Iterator[Trouble]:
             continue
         axes = tuple(name for name, of in unit_ids["axes"].items() if str(of) == unit_id)
         place = (line, unit_id)
-        tried = "" if drive.get("tried_again_s") is None else ": only a trial goes there from time to time"
+        tried = (
+            "" if drive.get("tried_again_s") is None else Said(": only a trial goes there from time to time")
+        )
         newest = min(asked, NEWEST)
         other_ids = drive.get("other_ids_in_a_row", 0)
         if other_ids and other_ids >= INSTEAD_SHARE * newest:
-            whose = f"its drive (unit id {unit_id})" if axes else f"unit id {unit_id}, which has no axis,"
             where = _axes_named(axes) if axes else f"line {line}, unit id {unit_id}"
-            what = f"{whose} {drive['answers_with']}: no reply has counted for {span(silent_s)}{tried}"
+            what = Said(
+                "{whose} {answers}: no reply has counted for {span}{tried}",
+                whose=Said("its drive (unit id {unit_id})", unit_id=unit_id)
+                if axes
+                else Said("unit id {unit_id}, which has no axis,", unit_id=unit_id),
+                answers=drive["answers_with"],
+                span=span(silent_s),
+                tried=tried,
+            )
             yield Trouble(kinds.OTHER_ID, place, where, what, axes, silent_s)
             continue
         if not axes:
-            what = f"nobody has answered at unit id {unit_id}, which has no axis, for {span(silent_s)}{tried}"
+            what = Said(
+                "nobody has answered at unit id {unit_id}, which has no axis, for {span}{tried}",
+                unit_id=unit_id,
+                span=span(silent_s),
+                tried=tried,
+            )
             if asked >= FEWEST_ASKED:
                 yield Trouble(kinds.UNIT_SILENT, place, f"line {line}, unit id {unit_id}", what, (), silent_s)
             continue
-        whose, where = f"its drive (unit id {unit_id})", _axes_named(axes)
-        never = drive["answered_s"] is None
-        not_answered = "has never answered" if never else "has not answered"
-        what = f"{whose} {not_answered} for {span(silent_s)}{tried}"
+        where, values = _axes_named(axes), {"unit_id": unit_id, "span": span(silent_s), "tried": tried}
+        if drive["answered_s"] is None:
+            what = Said("its drive (unit id {unit_id}) has never answered for {span}{tried}", **values)
+        else:
+            what = Said("its drive (unit id {unit_id}) has not answered for {span}{tried}", **values)
         yield Trouble(kinds.DRIVE_SILENT, place, where, what, axes, silent_s)
         damaged = drive["damaged_in_a_row"]
         if damaged and damaged >= INSTEAD_SHARE * newest:
-            share = f"{damaged} of {newest} answers were damaged"
-            what = f"{whose} cannot be understood for {span(silent_s)}: {share}"
+            what = Said(
+                "its drive (unit id {unit_id}) cannot be understood for {span}: {damaged} of {newest} "
+                "answers were damaged",
+                unit_id=unit_id,
+                span=span(silent_s),
+                damaged=damaged,
+                newest=newest,
+            )
             yield Trouble(kinds.DRIVE_GARBLED, place, where, what, axes, silent_s)
 
 
@@ -202,9 +250,13 @@ def _of_damage(line: str, status: Mapping[str, Any]) -> Iterator[Trouble]:
         if damaged >= FEWEST_DAMAGED and damaged >= DAMAGED_SHARE * frames:
             axes = tuple(name for name, of in status["unit_ids"]["axes"].items() if str(of) == unit_id)
             whose = f" ({', '.join(f'axis {axis}' for axis in axes)})" if axes else ""
-            what = (
-                f"{damaged} answers of unit id {unit_id}{whose} were damaged in the last minute, "
-                f"of {frames} on the line"
+            what = Said(
+                "{damaged} answers of unit id {unit_id}{whose} were damaged in the last minute, of {frames} "
+                "on the line",
+                damaged=damaged,
+                unit_id=unit_id,
+                whose=whose,
+                frames=frames,
             )
             where = f"line {line}, unit id {unit_id}"
             yield Trouble(kinds.DRIVE_DAMAGED, (line, unit_id), where, what, axes)
@@ -215,26 +267,92 @@ def _of_controller(
 ) -> Iterator[Trouble]:
     name = controller["name"]
     place, where = (line, f"controller {name}"), f"line {line}, controller {name}"
+    axes = tuple(unit_ids["axes"]) if controller.get("role") == "motion" else ()
+    if controller.get("state") == "down" and controller.get("role") == "motion":
+        failure = f": {controller['failure']}" if controller.get("failure") else ""
+        what = Said("{address} is not open{failure}", address=controller["address"], failure=failure)
+        yield Trouble(kinds.PORT_CLOSED, place, where, what, axes)
     if "whole" in controller:
         whole, damaged = controller["whole"], controller["damaged"]
         minute = controller["minute"]
         frames = minute["whole"] + minute["damaged"]
         if not whole and damaged >= FEWEST_DAMAGED:
-            what = (
-                f"{damaged} of {damaged} frames from {controller['address']} were damaged, not one was whole"
+            what = Said(
+                "{damaged} of {damaged} frames from {address} were damaged, not one was whole",
+                damaged=damaged,
+                address=controller["address"],
             )
-            yield Trouble(kinds.CONTROLLER_GARBLED, place, where, what)
+            yield Trouble(kinds.CONTROLLER_GARBLED, place, where, what, axes)
         if minute["damaged"] >= FEWEST_DAMAGED and minute["damaged"] >= DAMAGED_SHARE * frames:
-            share = f"{minute['damaged']} of {frames} frames"
-            what = f"{share} from {controller['address']} were damaged in the last minute"
-            yield Trouble(kinds.CONTROLLER_DAMAGED, place, where, what)
+            what = Said(
+                "{damaged} of {frames} frames from {address} were damaged in the last minute",
+                damaged=minute["damaged"],
+                frames=frames,
+                address=controller["address"],
+            )
+            yield Trouble(kinds.CONTROLLER_DAMAGED, place, where, what, axes)
     asked = unit_ids.get("asked_by", {}).get(name, [])
     strangers = [of for of in asked if of in unit_ids["strangers"]]
     if strangers and strangers == asked and unit_ids["axes"] and controller.get("role") == "motion":
-        ids = f"unit id {', '.join(map(str, strangers))}"
-        there = ", ".join(f"axis {axis} (unit id {of})" for axis, of in unit_ids["axes"].items())
-        what = f"it talks only to {ids}, which has no axis, and no axis hears it; there are {there}"
-        yield Trouble(kinds.UNHEARD_CONTROLLER, place, where, what)
+        what = Said(
+            "it talks only to unit id {ids}, which has no axis, and no axis hears it; there are {there}",
+            ids=", ".join(map(str, strangers)),
+            there=", ".join(f"axis {axis} (unit id {of})" for axis, of in unit_ids["axes"].items()),
+        )
+        yield Trouble(kinds.UNHEARD_CONTROLLER, place, where, what, axes)
+
+
+def _of_silence(name: str, line: Mapping[str, Any], axes: tuple[str, ...]) -> Iterator[Trouble]:
+    """Say which controllers ought to be there and ask for nothing.
+
+    A controller with a ``silent_after_s`` of its own is held to that. The other motion controllers of a line
+    count together: the line has one as long as any motion controller asks.
+    """
+    controllers = line.get("controllers", ())
+    for controller in controllers:
+        limit_s = controller.get("silent_after_s")
+        if limit_s and "silent_s" in controller and controller["silent_s"] >= limit_s:
+            where = f"line {name}, controller {controller['name']}"
+            yield _silent((controller,), (name, f"controller {controller['name']}"), where, axes)
+    moving = [each for each in controllers if each.get("role") == "motion" and "silent_s" in each]
+    bound = tuple(each for each in moving if each.get("silent_after_s") is None)
+    if bound and min(each["silent_s"] for each in moving) >= CONTROLLER_SILENT_S:
+        if len(bound) == 1:
+            where = f"line {name}, controller {bound[0]['name']}"
+            yield _silent(bound, (name, f"controller {bound[0]['name']}"), where, axes)
+        else:
+            yield _silent(bound, (name,), f"line {name}", axes)
+
+
+def _silent(
+    controllers: Sequence[Mapping[str, Any]], place: Place, where: str, axes: tuple[str, ...]
+) -> Trouble:
+    silent_s = min(each["silent_s"] for each in controllers)
+    is_there = any(
+        each["connections"] if "connections" in each else each["state"] == "up" for each in controllers
+    )
+    has_asked = any(each["asked_s"] is not None for each in controllers)
+    if has_asked:
+        since = Said("for {span}", span=span(silent_s))
+    else:
+        since = Said("since the gateway was started {span} ago", span=span(silent_s))
+    names = ", ".join(each["name"] for each in controllers)
+    if len(controllers) > 1 and is_there:
+        what = Said("none of {names} has asked for anything {since}", names=names, since=since)
+    elif len(controllers) > 1:
+        what = Said(
+            "no controller: none of {names} is connected, and none of them has asked for anything {since}",
+            names=names,
+            since=since,
+        )
+    elif not is_there:
+        what = Said("no controller: it is not connected, and it has asked for nothing {since}", since=since)
+    elif "connections" in controllers[0]:
+        what = Said("it is connected, and it has asked for nothing {since}", since=since)
+    else:
+        what = Said("its port is open, and it has asked for nothing {since}", since=since)
+    entry = kinds.CONTROLLER_SILENT if is_there else kinds.CONTROLLER_ABSENT
+    return Trouble(entry, place, where, what, axes, silent_s)
 
 
 def _of_unit_ids(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
@@ -245,14 +363,18 @@ def _of_unit_ids(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
     unheard = {name: of for name, of in unit_ids["axes"].items() if of not in unit_ids["heard"]}
     if strangers and unheard:
         axes = ", ".join(f"axis {name} (unit_id {of})" for name, of in unheard.items())
-        what = f"controllers talk to unit id {strangers}, which has no axis; {axes} hears nothing"
+        what = Said(
+            "controllers talk to unit id {strangers}, which has no axis; {axes} hears nothing",
+            strangers=strangers,
+            axes=axes,
+        )
         yield Trouble(kinds.WRONG_UNIT_ID, place, where, what, tuple(unheard))
     if unit_ids["requests"]:
         heard = ", ".join(f"{of} ({count} requests)" for of, count in unit_ids["requests"].items())
-        what = f"controllers talk to unit id {heard}, which has no axis"
+        what = Said("controllers talk to unit id {heard}, which has no axis", heard=heard)
         yield Trouble(kinds.UNKNOWN_UNIT, place, where, what)
     if line.get("wrong_units"):
-        what = f"{line['wrong_units']} replies had another unit id than was asked"
+        what = Said("{count} replies had another unit id than was asked", count=line["wrong_units"])
         yield Trouble(kinds.ANSWERS_AS, place, where, what)
 
 
@@ -261,19 +383,25 @@ _OF_COMPENSATION: Final = {entry.kind: entry for entry in kinds.OF_COMPENSATION}
 
 def _of_axis(name: str, axis: Mapping[str, Any], place: Place) -> Iterator[Trouble]:
     where, table, its = f"axis {name}", axis["table"], (name,)
+    what: str
     if table["status"] == "rejected":
-        stays = f"the last good table of {table['points']} points stays" if table["points"] else "no table"
-        yield Trouble(kinds.TABLE_REJECTED, place, where, f"{table['error']} ({stays})", its)
+        error, points = table["error"], table["points"]
+        if points:
+            what = Said("{error} (the last good table of {points} points stays)", error=error, points=points)
+        else:
+            what = Said("{error} (no table)", error=error)
+        yield Trouble(kinds.TABLE_REJECTED, place, where, what, its)
     elif table["status"] == "removed":
-        what = table["error"] or f"{table['file']} is not there: positions pass uncorrected"
-        yield Trouble(kinds.TABLE_REMOVED, place, where, what, its)
+        gone = Said("{file} is not there: positions pass uncorrected", file=table["file"])
+        yield Trouble(kinds.TABLE_REMOVED, place, where, table["error"] or gone, its)
     entry = _OF_COMPENSATION.get(axis["compensation"])
     if entry is not None:
         yield Trouble(entry, place, where, entry.meaning, its)
     yield from _of_rivals(name, axis.get("rivals"), place)
     yield from _of_group(name, axis, place)
     if axis["latency"]["is_over_budget"]:
-        what = f"the gateway takes longer than budget_us = {axis['latency']['budget_us']:g}"
+        budget = f"{axis['latency']['budget_us']:g}"
+        what = Said("the gateway takes longer than budget_us = {budget}", budget=budget)
         yield Trouble(kinds.OVER_BUDGET, place, where, what, its)
     for entry, what in _of_terms(axis.get("terms") or {}):
         yield Trouble(entry, place, where, what, its)
@@ -285,8 +413,12 @@ def _of_group(name: str, axis: Mapping[str, Any], place: Place) -> Iterator[Trou
         return
     if group["is_skewed"]:
         skew = group["skew"]
-        by = "nobody knows by how much" if skew is None else f"by {skew:+.6g} {axis['units']}"
-        what = f"the axes of its group have not all gone: the beam is skewed, {by}"
+        what = Said(
+            "the axes of its group have not all gone: the beam is skewed, {by}",
+            by=Said("nobody knows by how much")
+            if skew is None
+            else Said("by {skew}", skew=f"{skew:+.6g} {axis['units']}"),
+        )
         yield Trouble(kinds.GROUP_SKEWED, place, f"axis {name}", what, (name,))
     if group["is_put_off"]:
         yield Trouble(kinds.GROUP_HELD, place, f"axis {name}", kinds.GROUP_HELD.meaning, (name,))
@@ -296,22 +428,32 @@ def _of_rivals(name: str, rivals: Mapping[str, Any] | None, place: Place) -> Ite
     if rivals is None or rivals["refused"] + rivals["changes"] < FEWEST_TRIES:
         return
     one, other = rivals["writers"]
-    parts = {
-        f"{rivals['refused']} requests were refused": rivals["refused"],
-        f"it changed hands {rivals['changes']} times": rivals["changes"],
-    }
-    counted = ", ".join(part for part, count in parts.items() if count)
-    what = f"{one} and {other} both want to move it: {counted} in {span(rivals['since_s'])}"
+    refused = Said("{count} requests were refused", count=rivals["refused"])
+    changed = Said("it changed hands {count} times", count=rivals["changes"])
+    if rivals["refused"] and rivals["changes"]:
+        counted = Said("{one}, {other}", one=refused, other=changed)
+    else:
+        counted = refused if rivals["refused"] else changed
+    what = Said(
+        "{one} and {other} both want to move it: {counted} in {span}",
+        one=one,
+        other=other,
+        counted=counted,
+        span=span(rivals["since_s"]),
+    )
     yield Trouble(kinds.TWO_WRITERS, place, f"axis {name}", what, (name,), rivals["since_s"])
 
 
 _OF_SENSOR: Final = {
-    "waiting": "no temperature has been heard since the start: nothing is added for it",
-    "held": "the temperature sensor says nothing: its last value is held",
-    "fading": "the temperature sensor says nothing: what is added for it goes back to 0",
-    "faded": "the temperature sensor says nothing: nothing is added for it any more",
+    "waiting": Said("no temperature has been heard since the start: nothing is added for it"),
+    "held": Said("the temperature sensor says nothing: its last value is held"),
+    "fading": Said("the temperature sensor says nothing: what is added for it goes back to 0"),
+    "faded": Said("the temperature sensor says nothing: nothing is added for it any more"),
 }
-_OF_OTHERS: Final = {"fading": "what is added for that goes back to 0", "faded": "nothing is added for that"}
+_OF_OTHERS: Final = {
+    "fading": Said("what is added for that goes back to 0"),
+    "faded": Said("nothing is added for that"),
+}
 """Held it is no trouble yet: any stop of an axis that is not read does that, until its next target."""
 
 
@@ -320,26 +462,42 @@ def _of_terms(terms: Mapping[str, Any]) -> Iterable[tuple[TroubleEntry, str]]:
     if thermal.get("is_silent"):
         yield kinds.SENSOR_SILENT, _OF_SENSOR.get(thermal["state"], kinds.SENSOR_SILENT.meaning)
     if cross.get("state") in _OF_OTHERS:
-        what = f"it is not known where {_named(cross['axes'])}; {_OF_OTHERS[cross['state']]}"
+        what = Said(
+            "it is not known where {axes}; {then}",
+            axes=_named(cross["axes"]),
+            then=_OF_OTHERS[cross["state"]],
+        )
         yield kinds.OTHER_AXIS_UNKNOWN, what
     if terms.get("is_too_large"):
-        what = (
+        what = Said(
             "with the table, temperature and other axes come to more than max_correction; they do not follow"
         )
         yield kinds.TERM_TOO_LARGE, what
 
 
-def _named(axes: Sequence[str]) -> str:
+def _named(axes: Sequence[str]) -> Said:
     """Return whose place is not known; of several only the sum is.
 
     >>> _named(["y"]), _named(["y", "z"])
     ('axis y is', 'one of the axes y, z is')
     """
-    return f"axis {axes[0]} is" if len(axes) == 1 else f"one of the axes {', '.join(axes)} is"
+    if len(axes) == 1:
+        return Said("axis {axis} is", axis=axes[0])
+    return Said("one of the axes {axes} is", axes=", ".join(axes))
 
 
-def _of_supervisor(supervisor: Mapping[str, Any]) -> Iterator[Trouble]:
+_OF_AXES: Final = (kinds.CONFIGURATION, kinds.TABLES_FOLDER, kinds.STATE_FOLDER)
+"""What of the supervisor's an axis hangs on: which table it has, and what of it survives a start."""
+
+
+def _of_supervisor(supervisor: Mapping[str, Any] | None, axes: tuple[str, ...]) -> Iterator[Trouble]:
+    if supervisor is None:
+        yield Trouble(
+            kinds.SUPERVISOR_DOWN, ("supervisor",), "supervisor", kinds.SUPERVISOR_DOWN.meaning, axes
+        )
+        return
     for entry in kinds.OF_SUPERVISOR:
         problem = supervisor[entry.kind]["problem"]
         if problem:
-            yield Trouble(entry, (entry.kind,), entry.kind.replace("_", " "), problem)
+            its = axes if entry in _OF_AXES else ()
+            yield Trouble(entry, (entry.kind,), entry.kind.replace("_", " "), problem, its)

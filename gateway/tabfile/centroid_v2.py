@@ -29,7 +29,7 @@ from gateway.compensation.units import Units
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer
+from gateway.tabfile.fields import to_decimal, to_integer, with_point
 from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.names import axis_of_comment
 from gateway.tabfile.ranges import check_home, check_range, context_in_file_units, unused_options
@@ -159,7 +159,8 @@ def _parse_header(source: SourceText) -> _Header:
         allowed = f"a whole number of intervals, at least {MIN_INTERVALS}"
         raise source.error(f"field 2 (N) {shown(fields[1])}", allowed, line=line.number)
     if step <= 0:
-        raise source.error(f"field 3 (STEP) {shown(fields[2])}", "a distance above 0", line=line.number)
+        allowed = with_point(fields[2], "a distance above 0")
+        raise source.error(f"field 3 (STEP) {shown(fields[2])}", allowed, line=line.number)
     if code not in _UNITS:
         raise source.error(f"field 4 (UNITS) {shown(fields[3])}", "20 (inch) or 21 (mm)", line=line.number)
     return _Header(line.number, intervals, step, _UNITS[code], counts, position, comment)
@@ -194,7 +195,7 @@ def _parse_lists(source: SourceText, header: _Header) -> tuple[list[Line], list[
 def _value_problems(source: SourceText, line: int, text: str) -> Iterable[Problem]:
     value = to_decimal(text)
     if value is None:
-        yield source.problem(shown(text), DECIMAL_ALLOWED, line=line)
+        yield source.problem(shown(text), with_point(text), line=line)
     elif abs(value) > MAX_VALUE:
         yield source.problem(f"value {text}", f"{-MAX_VALUE} to {MAX_VALUE}", line=line)
 

@@ -28,7 +28,7 @@ from gateway.compensation.units import Units
 from gateway.tabfile.context import FileContext, HomeSide
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer
+from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer, with_point
 from gateway.tabfile.ranges import check_home, context_in_file_units
 from gateway.tabfile.readings import Reading, describe_both
 from gateway.tabfile.stated import check_stated
@@ -123,7 +123,8 @@ def _parse_header(source: SourceText) -> _Header:
     text = _header_field(source, 3, "INTERVAL", DECIMAL_ALLOWED)
     interval = to_decimal(text)
     if interval is None or interval <= 0:
-        raise source.error(f"INTERVAL {shown(text)}", "a distance above 0", line=source.lines[3].number)
+        allowed = with_point(text, "a distance above 0")
+        raise source.error(f"INTERVAL {shown(text)}", allowed, line=source.lines[3].number)
     text = _header_field(source, 4, "ENTRIES", "a number of points")
     entries = to_integer(text)
     if entries is None or entries < 2:
@@ -149,9 +150,9 @@ def _parse_rows(source: SourceText, header: _Header) -> list[_Row]:
         if isinstance(row, _Row):
             rows.append(row)
         else:
-            problems.append(
-                source.problem(row, f"position, away, toward: each {DECIMAL_ALLOWED}", line=line.number)
-            )
+            found, wrong = row
+            allowed = with_point(wrong, f"position, away, toward: each {DECIMAL_ALLOWED}")
+            problems.append(source.problem(found, allowed, line=line.number))
     if problems:
         raise TabFileError(*problems[:MAX_PROBLEMS])
     if len(rows) != header.entries:
@@ -161,15 +162,15 @@ def _parse_rows(source: SourceText, header: _Header) -> list[_Row]:
     return rows
 
 
-def _parse_row(line: Line) -> _Row | str:
-    """Return the row, or what was found instead."""
+def _parse_row(line: Line) -> _Row | tuple[str, str]:
+    """Return the row, or what was found instead, with the field that is no number; "" for none."""
     fields = line.text.split()
     if len(fields) != 3:
-        return f"{len(fields)} fields in {shown(line.text)}" if fields else "a blank line"
+        return (f"{len(fields)} fields in {shown(line.text)}" if fields else "a blank line"), ""
     numbers = [to_decimal(field) for field in fields]
     for field, number in zip(fields, numbers, strict=True):
         if number is None:
-            return shown(field)
+            return shown(field), field
     position, away, toward = (number or 0.0 for number in numbers)
     return _Row(position, away, toward, line.number)
 

@@ -193,6 +193,17 @@ def _rows(
     return tuple(rows if sign > 0 else reversed(rows))
 
 
+def template(units: Units, separator: str = ",") -> str:
+    """Return a file to fill in: a header with rows of zeros, which change nothing as they stand."""
+    header = separator.join(f"{name}_{units.value}" for name in ("position", "forward", "backward"))
+    comments = (
+        "# corrections to ADD: commanded less measured position; forward: while the position grows",
+        "# put your own points in the place of these, in the order of their positions",
+    )
+    rows = (separator.join((position, "0", "0")) for position in ("0", "50", "100"))
+    return "".join(f"{line}\n" for line in (*comments, header, *rows))
+
+
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """Write the table as it is, each number with all its digits; there is nothing that it cannot hold."""
     unit = table.units.value

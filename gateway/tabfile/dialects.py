@@ -294,11 +294,13 @@ def choose(source: SourceText, told: str | None) -> Dialect:
     is_shown = _OF_A_TABLE.fullmatch(first.text) is not None
     what = shown(first.text) if is_shown else f"of {len(first.text)} characters"
     if _IN_COLUMNS.search(first.text) is not None:
+        header = "position_mm,forward_mm,backward_mm", "position_mm,correction_mm"
+        two_ways, one_way = (each.replace(",", ";") if ";" in first.text else each for each in header)
         raise source.error(
             f"a CSV whose first line, {what}, is no header of a table",
-            f"{csv_table.EXAMPLE}, or position_mm,correction_mm for both directions; units are mm, inch or "
-            "degree, of corrections also um and arcsec; or a file of one of the other formats: pitch-gateway "
-            "table formats",
+            f"the first line {two_ways}, or {one_way} for both directions; units are mm, inch or degree, of "
+            "corrections also um and arcsec (pitch-gateway table template prints such a file); or a file of "
+            "one of the other formats: pitch-gateway table formats",
             line=first.number,
         )
     raise source.error(

@@ -20,6 +20,19 @@ def to_integer(text: str) -> int | None:
     return int(text) if _INTEGER.fullmatch(text) else None
 
 
+def with_point(text: str, allowed: str = DECIMAL_ALLOWED) -> str:
+    """Return what is allowed in the place of ``text``; of a number with a comma, how it is written.
+
+    >>> with_point("150,0", "a distance above 0")
+    'a distance above 0, with a decimal point: 150.0'
+    >>> with_point("x", "a distance above 0")
+    'a distance above 0'
+    """
+    pointed = text.replace(",", ".")
+    is_comma = text.count(",") == 1 and to_decimal(pointed) is not None
+    return f"{allowed}, with a decimal point: {pointed}" if is_comma else allowed
+
+
 def to_decimal(text: str) -> float | None:
     """Return a finite decimal number, or None if ``text`` is not one.
 

@@ -1,12 +1,4 @@
-"""Signs of a mistake in a table that reads well. Every code keeps its meaning for ever.
-
-L1 slope, L2 columns swapped, L3 second list reversed, L4 unit slip, L5 home, L6 outlier, L7 below resolution,
-L8 coverage, L9 empty column, L10 axis, L11 order of positions (raised by the readers), L12 size, L13 hole in
-an even grid, L14 points beyond the travel, L15 lost motion of one point. Readers add R1 separator missing, R2
-start inferred, R3 option without meaning, R4 another compensation beside it, R7 points that LinuxCNC would
-not reach, R8 lost motion beside it, R10 values without a number of them, R11 compensation left off, R12 both
-values that TB058 wants to be 0 are not (only said). R9, the two readings of Mint's offset, is a refusal.
-"""
+"""Signs of a mistake in a table that reads well; ``gateway.catalogue.remarks`` says what each code means."""
 
 from collections.abc import Callable, Iterator, Sequence
 from collections.abc import Set as AbstractSet

@@ -542,9 +542,19 @@ async def connect(endpoint: TcpEndpoint, receiver: Receiver) -> TcpChannel:
     except TimeoutError as error:
         raise AbsentError(f"{endpoint} did not answer within {CONNECT_TIMEOUT_S:g} s") from error
     except OSError as error:
-        why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
-        raise AbsentError(f"{endpoint} cannot be reached: {why}") from error
+        raise AbsentError(why_not_reached(endpoint, error)) from error
     return channel
+
+
+def why_not_reached(endpoint: TcpEndpoint, error: OSError) -> str:
+    """Say why connecting failed; of a host name that is not known, what to do."""
+    if isinstance(error, socket.gaierror):
+        return (
+            f"{endpoint} cannot be reached: the host name {endpoint.host} is not known ({error.strerror}); "
+            "correct it, enter it in /etc/hosts or the name service, or write the IP address in its place"
+        )
+    why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error) or "nobody answers"
+    return f"{endpoint} cannot be reached: {why}"
 
 
 def _why(error: Exception) -> str:

@@ -179,7 +179,7 @@ def test_a_second_gateway_on_the_same_folder_is_refused(config: Path) -> None:
     with running("run", config):
         second = typed_apart("run", str(config))
         assert second.returncode == 1
-        assert second.stderr.splitlines()[-1].startswith(
+        assert json.loads(second.stderr.splitlines()[-1])["detail"].startswith(
             f"{config}: gateway.state: {config.parent}/state/relay.sock belongs to a gateway that runs"
         )
 

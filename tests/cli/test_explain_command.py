@@ -86,7 +86,7 @@ def test_a_counter_is_found_by_its_key_its_words_and_its_metric(asked: str) -> N
 
 def test_every_counter_that_the_page_shows_is_known() -> None:
     text = (FOLDER / "line_cards.js").read_text()
-    labels = re.findall(r'^  \["\w+", "([^"]+)"\],$', text, re.MULTILINE)
+    labels = re.findall(r'^  \["\w+", t\("([^"]+)"\)\],$', text, re.MULTILINE)
     assert labels == ["Time-outs", "CRC errors", "Exceptions", "Refused", "Late"]
     assert all(counter(label) is not None for label in [*labels, "Exchanges/s", "over"])
 

@@ -15,7 +15,7 @@ from gateway.modbus.rtu import encode_rtu
 from gateway.simulator.pty import Pty
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.serial import open_port
-from tests.commands import typed
+from tests.commands import Typed, typed
 
 CONFIG = """
 [line.xyz]
@@ -98,7 +98,7 @@ def test_a_good_axis_is_shown_and_the_code_is_0(tmp_path: Path, drive: tuple[str
     assert (result.returncode, result.stderr) == (0, "")
     assert "axis x, unit id 1: answers" in result.stdout
     assert "actual     raw 50000, machine position 50 mm; nominal 50 forward, 50 backward" in result.stdout
-    assert "nothing is wrong" in result.stdout
+    assert "nothing that was read is wrong" in result.stdout
     assert "Before the first move:" in result.stdout
     assert {frame[1] for frame in drive[1]} == {3}
 
@@ -125,10 +125,51 @@ def test_where_unit_ids_are_looked_at_other_units_is_proposed(tmp_path: Path) ->
         place = f'tcp = "127.0.0.1:{listening.getsockname()[1]}" }}\nother_units = [247, 246]\n#{{'
         result = typed("probe", str(configured(tmp_path, place)), "--json")
     findings = json.loads(result.stdout)["axes"]["x"]["findings"]
-    assert (result.returncode, [finding["weight"] for finding in findings]) == (0, ["note"])
-    assert "nobody answers for unit id 245" in findings[0]["text"]
-    assert "Name their unit ids in the line, as in other_units = [7, 8]" in findings[0]["text"]
+    assert (result.returncode, [finding["weight"] for finding in findings]) == (0, ["note", "note"])
+    assert "nobody answers for unit id 245" in findings[1]["text"]
+    assert "Name their unit ids in the line, as in other_units = [7, 8]" in findings[1]["text"]
     assert [frame[0] for frame in asked] == [1, 1, 1, 245]
+
+
+def be_a_converter(listening: socket.socket, asked: list[bytes]) -> None:
+    """Be a converter with drives at unit ids 1 and 3; of 3 the register is another one."""
+    connection, _ = listening.accept()
+    with connection:
+        while data := connection.recv(300):
+            asked.append(data[6:])
+            pdu = {1: b"\x03\x04\x00\x00\xc3\x50", 3: b"\x83\x02"}.get(data[6], b"\x83\x0b")
+            connection.sendall(data[:4] + bytes((0, len(pdu) + 1)) + data[6:7] + pdu)
+
+
+def probe_a_converter(tmp_path: Path, *options: str) -> tuple[Typed, list[bytes]]:
+    asked: list[bytes] = []
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        thread = threading.Thread(target=be_a_converter, args=(listening, asked), daemon=True)
+        thread.start()
+        config = configured(tmp_path, f'tcp = "127.0.0.1:{listening.getsockname()[1]}"')
+        config.write_text(config.read_text().replace("unit_id = 1", "unit_id = 2"))
+        result = typed("probe", str(config), *options)
+        thread.join(10)
+    return result, asked
+
+
+def test_behind_a_converter_a_wrong_unit_id_is_said_to_be_nobody(tmp_path: Path) -> None:
+    result, asked = probe_a_converter(tmp_path)
+    assert result.returncode == 1
+    assert result.stdout.startswith("axis x, unit id 2: no answer\n")
+    assert "error: no drive answers as unit id 2 here: exception 11" in result.stdout
+    assert "pitch-gateway probe --scan tells which unit ids do" in result.stdout
+    assert {frame[0] for frame in asked} == {2}
+
+
+def test_a_scan_says_which_unit_ids_answer_and_only_reads(tmp_path: Path) -> None:
+    result, asked = probe_a_converter(tmp_path, "--scan", "--json")
+    report = json.loads(result.stdout)["axes"]["x"]
+    assert (result.returncode, report["answers"], report["answering_unit_ids"]) == (1, False, [1, 3])
+    assert "unit ids 1, 3 answer instead" in report["findings"][0]["text"]
+    assert "asks unit ids 1 to 247, for 2 min 3 s at most; Ctrl-C ends it" in result.stderr
+    assert [frame[0] for frame in asked] == [2, 2, *range(1, 248)]
+    assert {frame[1] for frame in asked} == {3}
 
 
 def test_a_wrong_word_order_ends_with_code_1(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:
@@ -165,7 +206,11 @@ def test_a_drive_on_a_serial_line_is_asked_once_with_a_wrong_check_sum(
     report = json.loads(result.stdout)["axes"]["x"]
     assert report["on_wrong_crc"] == did
     weight, _, text = said.partition(": ")
-    found = [(each["weight"], each["text"].startswith(text)) for each in report["findings"]]
+    found = [
+        (each["weight"], each["text"].startswith(text))
+        for each in report["findings"]
+        if "travel is" not in each["text"]
+    ]
     assert found == ([(weight, True)] if said else [])
     assert result.returncode == (1 if weight == "error" else 0)
     # 03 006E 0002 of unit 1 has the check sum 0xD6A5, low byte first; the last one has it inverted.
@@ -229,5 +274,5 @@ def test_beside_its_own_gateway_it_does_not_probe(
         result = typed("probe", str(config))
     place.leave()
     assert result.returncode == 1
-    assert "its gateway runs and has the drives: stop it first" in result.stderr
+    assert "its gateway runs and has the drives. pitch-gateway status" in result.stderr
     assert drive[1] == []

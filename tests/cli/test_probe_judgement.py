@@ -55,6 +55,8 @@ class Memory:
         self.later: dict[int, bytes] = {}
         """What is at an address when it is read again."""
         self.is_silent = False
+        self.nobody = 0
+        """The exception by which a converter says that no drive is there."""
         self.has_other_ids = False
         for field in (*plan.command, *plan.actual, *plan.commanded):
             self.put(field, 50_000)
@@ -71,6 +73,8 @@ class Memory:
         assert function in (1, 2, 3, 4), "only reads"
         if self.is_silent:
             raise SilentError("no reply within 100 ms")
+        if self.nobody:
+            return bytes((function | 0x80, self.nobody))
         if self.has_other_ids:
             raise OtherIdError(f"answers, with transaction id 0 (asked with {len(self.asked)})")
         if function in (1, 2):
@@ -109,7 +113,7 @@ async def test_an_adapter_that_returns_what_is_sent_is_named_first() -> None:
     found = await read_axis(Memory(plan), plan)
     found.echoes = "the adapter returns what is sent: set echo = true"
     first, *others = findings_of(found)
-    assert (first.weight, others) == (Weight.ERROR, [])
+    assert (first.weight, {other.weight for other in others}) == (Weight.ERROR, {Weight.NOTE})
     assert first.text == (
         "the adapter returns what is sent: set echo = true; else the return of a write is taken for its "
         "acknowledgement"
@@ -237,7 +241,38 @@ async def test_a_drive_that_does_not_answer_is_not_asked_for_ever() -> None:
     assert not found.answers
     assert len(memory.asked) == 2
     [error] = errors
-    assert error.startswith("unit id 7 does not answer: no reply within 100 ms; check that the drive is on")
+    assert error.startswith("no drive answers as unit id 7 here: no reply within 100 ms; pitch-gateway probe")
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        (10, "exception 10 (gateway path unavailable)"),
+        (11, "exception 11 (gateway target device failed to respond)"),
+    ],
+)
+async def test_a_converter_that_reaches_no_drive_is_not_taken_for_one(code: int, said: str) -> None:
+    memory = Memory(axis())
+    memory.nobody = code
+    found, errors, _ = await look(axis(), memory)
+    assert not found.answers
+    [error] = errors
+    assert error == (
+        f"no drive answers as unit id 7 here: {said}; pitch-gateway probe --scan tells which unit ids do; "
+        "check that the drive is on, its unit id, and on a serial line baud rate, parity, wiring A/B and "
+        "termination"
+    )
+
+
+async def test_a_position_is_held_against_the_travel_in_counts() -> None:
+    """Wrong by ten it would be at 5 mm, which is as good: only a move tells."""
+    found, _, _ = await look(axis(), Memory(axis()))
+    [note] = [finding.text for finding in findings_of(found) if finding.weight is Weight.NOTE]
+    assert note == (
+        "actual (0x0110) reads 50000 counts, and travel is 0 to 300000 counts: is the axis really at 50 mm? "
+        "A counts_per_unit that is wrong by ten looks good here too; prove it by a move of 1 mm, which "
+        "pitch-gateway signtest --moved judges"
+    )
 
 
 async def test_a_register_that_the_drive_does_not_have_is_named() -> None:

@@ -85,7 +85,8 @@ def test_each_verdict_has_its_code(
     assert result.exit_code == code
     report = json.loads(result.stdout)
     assert report["verdict"] == verdict
-    assert report["best"]["position"] == 100.0
+    # Travel ends at 100: 1 mm and the hysteresis of 0.002 mm are left to approach it from above.
+    assert report["best"]["position"] == pytest.approx(98.998)
     assert (report["table"]["forward"], report["table"]["backward"]) == (0.02, -0.01)
 
 
@@ -109,16 +110,17 @@ def test_where_it_cannot_be_told_a_better_place_is_named(config: Path) -> None:
     result = typed(config, "--axis", "x", *numbers(0.0, 0.0, 0.0))
     assert result.exit_code == 1
     assert "verdict: cannot tell: right or sense inverted or columns swapped" in result.stdout
-    # At the controller's 100: 0.04, 0.03 and 0.01; the smallest is 0.01.
-    assert "measure at 100 mm, where the ways differ by 0.01 mm" in result.stdout
+    # At the controller's 100, where travel ends: 0.04, 0.03 and 0.01; the smallest is 1 % less at 98.998.
+    assert "measure at 98.998 mm, where the ways differ by 0.0099 mm" in result.stdout
     rough = typed(config, "--axis", "x", *numbers(0.0, 0.0, 0.0), "--uncertainty", "0.005")
-    assert "the readings have to be better than ±0.005 mm" in rough.stdout
+    assert "the readings have to be better than ±0.00495 mm" in rough.stdout
 
 
 def test_without_numbers_it_asks_and_says_where_to_measure(config: Path) -> None:
-    result = typed(config, "--axis", "x", typed_in="\n99.98\n100.01\n")
+    result = typed(config, "--axis", "x", typed_in="\n98.9782\n99.0079\n")
     assert result.exit_code == 0
-    assert "The table tells most at 100 mm" in result.stderr
+    assert "The table tells most at 98.998 mm. Go to 97.996, then up to 98.998, and read." in result.stderr
+    assert "Go to 100, then down to 98.998, and read again." in result.stderr
     assert "verdict: right" in result.stdout
 
 
@@ -140,9 +142,39 @@ def test_where_the_answers_end_the_missing_numbers_are_named(config: Path, typed
         (["--axis", "x", *numbers(float("nan"), 0, 0)], 1, "is nan: it must be a finite number"),
         (["--axis", "x", *numbers(0, 0, 0), "--uncertainty", "0"], 1, "must be a number above 0"),
         ([], 2, "Missing option '--axis'"),
+        (
+            ["--axis", "x", "--moved", "1", *numbers(0, 0, 0)],
+            2,
+            "it judges a move, the readings judge a table",
+        ),
+        (["--axis", "x", "--moved", "nan"], 1, "--moved nan: it must be a finite number"),
     ],
 )
 def test_what_cannot_be_tested_is_said(config: Path, arguments: list[str], code: int, said: str) -> None:
     result = CliRunner().invoke(app, ["signtest", str(config), *arguments], env={"COLUMNS": "200"})
     assert result.exit_code == code
     assert said in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("moved", "fault"),
+    [
+        ("0.97", ""),
+        ("10", "it moved by 10 mm, not by 1 mm: counts_per_unit has to be about 100, not 1000"),
+        ("0.1", "it moved by 0.1 mm, not by 1 mm: counts_per_unit has to be about 10000, not 1000"),
+        ("-1", "it moved by -1 mm, not by 1 mm: turn the sign of counts_per_unit, -1000"),
+        ("0", "it moved by 0 mm, not by 1 mm: is the drive enabled? is counts_per_unit, 1000, large enough?"),
+    ],
+)
+def test_a_move_of_a_millimetre_tells_a_wrong_scale_of_an_axis_without_a_table(
+    config: Path, moved: str, fault: str
+) -> None:
+    result = typed(config, "--axis", "y", "--moved", moved, "--json")
+    assert json.loads(result.stdout) == {
+        "axis": "y",
+        "units": "mm",
+        "commanded": 1.0,
+        "moved": float(moved),
+        "fault": fault,
+    }
+    assert result.exit_code == (1 if fault else 0)

@@ -36,6 +36,7 @@ Y = {
     "table": {"file": None, "format": None, "points": 0, "status": "none", "error": None},
     "latency": {"gateway_us": NOTHING_YET, "budget_us": 500.0, "budget_overruns": 0, "is_over_budget": False},
 }
+SINCE = "2026-05-01T12:00:00+00:00"
 MODEL: dict[str, Any] = {
     "gateway": {
         "name": "mill",
@@ -195,9 +196,9 @@ def test_a_gateway_whose_relay_is_away_says_how_old_the_rest_is() -> None:
 
 def test_an_axis_whose_drive_is_silent_says_that_and_where_it_was_seen_last() -> None:
     model = copy.deepcopy(MODEL)
-    silent = {"kind": "drive-silent", "severity": "error", "title": "Drive silent", "cuts_off": True}
-    last = {"nominal": 49.5, "corrected": 49.55, "age_s": 75.2}
-    model["axes"]["x"] |= {"trouble": silent, "last_seen": last}
+    last = {"of": "last-reading", "nominal": 49.5, "corrected": 49.55, "age_s": 75.2, "is_at_least": False}
+    silent = {"state": "error", "kind": "drive-silent", "title": "Drive silent", "since": SINCE}
+    model["axes"]["x"] |= {"verdict": silent, "position": last}
     shown = io.StringIO()
     show_status(Console(file=shown, width=200), model)
     [row] = [
@@ -205,11 +206,43 @@ def test_an_axis_whose_drive_is_silent_says_that_and_where_it_was_seen_last() ->
     ]
     assert row.split() == [
         *("x", "Drive", "silent", "forward", "50.1990", "50.2490"),
-        *("49.5000", "(1", "min", "15", "s", "ago)", "49.5500", "mm"),
+        *("49.5000", "49.5500", "mm"),
     ]
+    assert "  x: its position was read last 1 min 15 s ago" in shown.getvalue().splitlines()
 
 
-def test_a_trouble_says_since_when() -> None:
+def test_a_target_that_nobody_reads_is_dim_with_its_age() -> None:
+    model = copy.deepcopy(MODEL)
+    unread = {"nominal_actual": None, "corrected_actual": None}
+    target = {"of": "target", "nominal": 50.199, "corrected": 50.249, "age_s": 40.2, "is_at_least": True}
+    model["axes"]["x"] |= {**unread, "position": target}
+    file = io.StringIO()
+    show_status(Console(file=file, width=200, force_terminal=True, color_system="standard"), model)
+    dim = "\x1b[2m"
+    lines = file.getvalue().splitlines()
+    [row] = [line for line in lines if "50.1990" in line]
+    assert f"{dim}50.1990" in row
+    assert f"{dim}50.2490" in row
+    age = "x: its position was not read since it got its target more than 40 s ago"
+    assert f"  {dim}{age}\x1b[0m" in lines
+
+
+def test_the_verdict_stands_on_top_in_one_word_with_since_when() -> None:
+    then = datetime(2026, 5, 1, 12, tzinfo=UTC).astimezone()
+    well = {"state": "healthy", "since": SINCE, "errors": 0, "warnings": 0}
+    lines = shown({**MODEL, "verdict": well, "troubles": []})
+    assert lines[:3] == [
+        f"HEALTHY since {then:%Y-%m-%d %H:%M:%S}",
+        "",
+        "gateway mill 1.2.3, runs for 1 h 2 min",
+    ]
+    ill = {"state": "error", "since": SINCE, "errors": 1, "warnings": 2}
+    assert shown({**MODEL, "verdict": ill})[0] == (
+        f"ERROR since {then:%Y-%m-%d %H:%M:%S}: 1 error, 2 warnings"
+    )
+
+
+def test_a_trouble_says_since_when_and_who_has_seen_it() -> None:
     model = copy.deepcopy(MODEL)
     model["troubles"] = [
         {
@@ -218,11 +251,27 @@ def test_a_trouble_says_since_when() -> None:
             "what": "its drive (unit id 1) has not answered for 12 s",
             "remedy": "check power",
             "since": "2026-05-01T12:00:00+00:00",
+            "acknowledged": {"by": "shift", "at": "2026-05-01T12:00:00+00:00"},
         }
     ]
     shown = io.StringIO()
     show_status(Console(file=shown, width=200), model)
-    first, second = shown.getvalue().splitlines()[:2]
+    first, second, third = shown.getvalue().splitlines()[:3]
     assert first == "error axis x: its drive (unit id 1) has not answered for 12 s"
     then = datetime(2026, 5, 1, 12, tzinfo=UTC).astimezone()
     assert second == f"  since {then:%Y-%m-%d %H:%M:%S} → check power"
+    assert third == f"  acknowledged by shift, {then:%Y-%m-%d %H:%M:%S}"
+
+
+def test_names_and_numbers_stay_whole_on_eighty_columns() -> None:
+    model = copy.deepcopy(MODEL)
+    model["lines"]["xyz"]["controllers"][0]["name"] = "controller-mill"
+    far = {"nominal_setpoint": -1250.199, "corrected_setpoint": -1250.249, "corrected_actual": -1250.15}
+    model["axes"] = {"crossbeam-left": X | far | {"compensation": "unreferenced"}}
+    file = io.StringIO()
+    show_status(Console(file=file, width=80, highlight=False), model)
+    words = file.getvalue().split()
+    assert words.count("controller-mill") == 1
+    assert words.count("crossbeam-left") == 3
+    assert {"-1250.1990", "-1250.2490", "-1250.1500"} <= set(words)
+    assert "…" not in file.getvalue()

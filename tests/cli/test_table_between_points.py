@@ -70,7 +70,7 @@ def test_evaluate_and_its_report_say_the_same_of_the_table(readings: Path, tmp_p
     assert judged["after"]["left_out_e_um"] == pytest.approx(left_out, rel=1e-6)
     text = page.read_text()
     assert f"<td>{left_out:.2f}</td>" in text
-    assert "Between the targets it is predicted to leave a systematic deviation E of" in text
+    assert "With the table it is predicted to leave a systematic deviation E of" in text
     assert "in nine of ten cases between" in text
     assert judged["after"]["left_out_e_high_um"] > left_out
 

@@ -94,6 +94,16 @@ def test_build_for_a_person_names_the_notes_on_stderr(manual: Path, tmp_path: Pa
     assert "6 points from -2.5 to 0 inch" in result.stdout
 
 
+def test_the_other_meaning_of_a_home_case_is_named(manual: Path, tmp_path: Path) -> None:
+    """The targets go from -2.5 to 0 inch, so that the switch of this machine is at the positive end."""
+    result = run("build", manual, tmp_path / "cnc10z.tab", "--home", "switch-positive")
+    assert result.exit_code == 1
+    assert (
+        "home switch-positive means positive positions, with the switch at the negative end of travel, and "
+        "the targets are -2.5 to 0; choose switch-negative if the switch is at the positive end, or mark"
+    ) in result.stderr
+
+
 def test_build_reads_several_files_as_runs_and_converts_units(rtl: Path, tmp_path: Path) -> None:
     twice = tmp_path / "again.rtl"
     twice.write_bytes(rtl.read_bytes())
@@ -117,7 +127,7 @@ def test_build_never_writes_over_readings(manual: Path, rtl: Path) -> None:
 
 def test_build_refuses_in_one_line(manual: Path, rtl: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.tab"
-    assert "switch-positive: the targets -2.5 to 0" in refused(
+    assert "choose switch-negative if the switch is at the positive end" in refused(
         "build", manual, out, "--home", "switch-positive"
     )
     assert "of units inch" in refused("build", manual, rtl, out)

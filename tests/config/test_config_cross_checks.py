@@ -167,6 +167,20 @@ def test_cut_through_is_for_a_line_between_two_serial_ports(tmp_path: Path, text
     assert "byte by byte" in problem.remedy
 
 
+@pytest.mark.parametrize(
+    ("mode", "warned"), [('compensation = "on"\n', True), ('compensation = "off"\n', False), ("", False)]
+)
+def test_an_axis_that_is_to_be_corrected_and_has_no_table_is_warned_of(
+    tmp_path: Path, mode: str, *, warned: bool
+) -> None:
+    text = edited(('table = "cnc10x.tab"\n', mode))
+    warnings = loaded(tmp_path, text).warnings
+    assert [each.key for each in warnings] == (["axis.x.compensation"] if warned else [])
+    if warned:
+        assert warnings[0].line == line_of(text, mode.strip())
+        assert warnings[0].found.startswith('compensation = "on" without a table: positions pass uncorrected')
+
+
 def test_an_open_port_without_allow_is_warned_of(tmp_path: Path) -> None:
     text = edited(("127.0.0.1:1502", "0.0.0.0:1502"))
     [warning] = loaded(tmp_path, text).warnings
@@ -396,3 +410,33 @@ def test_the_unit_id_of_the_gateway_is_neither_the_broadcast_nor_the_device_itse
 ) -> None:
     problem = only(refused(tmp_path, GOOD + STATUS_UNIT.replace("250", str(value))), "status_unit.id")
     assert problem.remedy == "allowed: at least 1, at most 254"
+
+
+@pytest.mark.parametrize(
+    ("written", "asked"),
+    [
+        # A manual that counts from 40001 calls address 0x0606 = 1542 "register 41543".
+        (
+            "41543",
+            "address = 41543: is that a manual's register number? Register 41543 has the address 0x0606",
+        ),
+        (
+            "31543",
+            "address = 31543: is that a manual's register number? Register 31543 has the address 0x0606",
+        ),
+        ("0xA247", None),  # 41543 too, and nobody numbers registers in hexadecimal
+        ("0x0606", None),
+        ("1542", None),
+        ("50000", None),
+    ],
+)
+def test_a_register_number_of_a_manual_is_asked_about(
+    tmp_path: Path, written: str, asked: str | None
+) -> None:
+    text = GOOD.replace("command = [{ address = 0x0606", f"command = [{{ address = {written}")
+    warnings = [each for each in loaded(tmp_path, text).warnings if "register number" in each.found]
+    assert [each.found for each in warnings] == ([] if asked is None else [asked])
+    for warning in warnings:
+        assert warning.key == "axis.x.registers.command[1].address"
+        assert warning.line == line_of(text, "command = [")
+        assert "write 0x0606 if it is" in warning.remedy

@@ -20,6 +20,7 @@ STARTS = {
 supervisor reads the configuration as it starts, which on a busy machine may be after the page changed it."""
 PORTS = ("5020", "1502", "8480")
 LOOK = "pitch-gateway status gateway.toml"
+ROOT = Path(__file__).parents[2]
 LOOKS = 20
 """What it says is a second old at most (docs/operations.md): a hand on a keyboard is slower than that."""
 
@@ -88,10 +89,10 @@ class Desk:
 
 
 def test_the_first_block_makes_the_program_and_the_folder() -> None:
-    """``make setup`` has made the environment in which this test runs; the rest is what ``Desk`` does."""
+    """``make setup`` has made what ``make program`` would; the rest is what ``Desk`` does."""
     assert SETUP.language == "sh"
     assert SETUP.text == (
-        'make setup\nexport PATH="$PWD/.venv/bin:$PATH"\nmkdir -p ~/desk/tables\ncd ~/desk\n'
+        'make program\nexport PATH="$PWD/.venv/bin:$PATH"\nmkdir -p ~/desk/tables\ncd ~/desk\n'
     )
 
 
@@ -116,6 +117,7 @@ def test_everything_that_the_tutorial_says_happens(tmp_path: Path) -> None:
                 assert_promised(wanted, said)
         for command in list(desk.running):
             desk.end(command)
+    assert (tmp_path / "controller.py").read_text() == (ROOT / "deploy/desk/controller.py").read_text()
     files = {block.file for block in STEPS if block.file}
     assert files == {"tables/cnc10x.tab", "gateway.toml", "controller.py"}
     assert sum(len(list(block.commands())) for block in STEPS) == 15

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pwd
 import re
 import select
 import signal
@@ -99,10 +100,12 @@ def test_without_the_word_that_the_controllers_compensation_is_off_nothing_is_wr
     assert not (tmp_path / "gateway.toml").exists()
 
 
-def test_a_no_to_the_first_question_ends_it(tmp_path: Path) -> None:
-    result = run(tmp_path, *options()[1:], "--ask", answers="n\n")
+@pytest.mark.parametrize("no", ["n", "N", "no", ""])
+def test_a_no_to_the_first_question_ends_it(tmp_path: Path, no: str) -> None:
+    result = run(tmp_path, *options()[1:], "--ask", answers=f"{no}\n")
     assert result.exit_code == 1
-    assert "switch them off there" in result.stderr
+    assert "nothing is written: " in result.stderr
+    assert "switch them off there, then start this again and answer y" in result.stderr
     assert not (tmp_path / "gateway.toml").exists()
 
 
@@ -232,6 +235,23 @@ def test_a_wrong_answer_is_explained_and_asked_again(
     (axis,) = line.axes
     assert (str(line.drives), axis.unit_id, axis.settings.travel) == ("/dev/ttyUSB0", 7, (0.0, 12.0))
     assert axis.settings.counts_per_unit == 1000.0
+
+
+def test_a_baud_rate_alone_leaves_the_rest_as_offered(tmp_path: Path) -> None:
+    result = run(tmp_path, "--ask", answers="\n".join({**ANSWERS, "format": "38400"}.values()) + "\n")
+    assert result.exit_code == 0, result.stderr
+    drives = tomllib.loads((tmp_path / "gateway.toml").read_text())["line"]["main"]["drives"]
+    assert drives == {"rtu": "/dev/ttyUSB0", "baudrate": 38400, "parity": "even", "stop_bits": 2}
+
+
+def test_a_drive_is_chosen_by_its_number_in_the_list(tmp_path: Path) -> None:
+    name = "leadshine-pr"
+    number = str(library.names().index(name) + 1)
+    answers = {**ANSWERS, "drive": number, "referenced": "absolute"}
+    result = run(tmp_path, "--ask", answers="\n".join(answers.values()) + "\n")
+    assert result.exit_code == 0, result.stderr
+    assert re.search(rf"^ +{number}  {name} ", result.stderr, re.MULTILINE)
+    assert tomllib.loads((tmp_path / "gateway.toml").read_text())["axis"]["x"]["drive"] == name
 
 
 def test_the_drives_are_listed_above_the_question(tmp_path: Path) -> None:
@@ -384,3 +404,14 @@ def test_ctrl_c_at_a_question_ends_it_with_nothing_written(tmp_path: Path) -> No
     assert said.endswith(b"nothing was written\n")
     assert b"Traceback" not in said
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root writes for another user")
+def test_root_is_told_to_run_it_as_the_user_whose_folder_it_is(tmp_path: Path) -> None:
+    os.chown(tmp_path, pwd.getpwnam("nobody").pw_uid, -1)
+    result = run(tmp_path, *options())
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.splitlines()[-3:] == [
+        f"  sudo -u nobody pitch-gateway {command} {tmp_path}/gateway.toml"
+        for command in ("check", "probe", "run")
+    ]

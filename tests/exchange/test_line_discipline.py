@@ -4,6 +4,7 @@ from typing import Final
 
 import pytest
 
+from gateway.exchange.events import EventKind
 from gateway.exchange.plan import ControllerPlan, LineTiming
 from gateway.exchange.queue import WAITING_BYTES
 from tests.exchange.line_bench import (
@@ -106,6 +107,28 @@ def test_w5_a_serial_controller_that_repeats_withdraws_what_it_sent_before() -> 
     bench.serve()
     assert bench.seen == [OTHER, bytes.fromhex("06 0700 0001")]
     assert bench.kinds()[-1] == "withdrawn"
+
+
+def test_requests_that_are_withdrawn_together_are_told_of_once_a_second() -> None:
+    """Thirty reads of two panels wait while a drive takes its time, and both connections end."""
+    bench = Bench(serial=False)
+    busy, panel, other = (Port(ControllerPlan(name)) for name in ("cnc", "panel", "other"))
+    bench.send(OTHER, busy)
+    for port in (panel, other):
+        for number in range(30):
+            bench.send(OTHER, port, transaction_id=number)
+        bench.line.controller_gone(port, bench.now_ns)
+    bench.serve()
+    told = [event.detail for event in bench.events if event.kind is EventKind.WITHDRAWN]
+    assert len(told) == 2
+    assert told[0].startswith("a request of panel was not sent: ")
+    assert bench.line.counters.withdrawn == 60
+    bench.wait(1000)
+    bench.send(OTHER, busy)
+    bench.send(OTHER, panel)
+    bench.line.controller_gone(panel, bench.now_ns)
+    told = [event.detail for event in bench.events if event.kind is EventKind.WITHDRAWN]
+    assert told[2].endswith(", 30 times since the last note")
 
 
 def test_a_reply_whose_serial_controller_went_on_is_not_given_to_its_next_request() -> None:

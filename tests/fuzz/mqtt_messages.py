@@ -91,7 +91,9 @@ async def _command(kind: int, command: str, answers_to: str, payload: bytes) -> 
         f"{TOPICS.root}/command/{command}", payload, 1, bool(kind & RETAINED), 1, properties
     )
     broker = Broker()
-    await Commander(TOPICS, Orders(reload, ask), say).take(broker, message)  # type: ignore[arg-type]
+    commander = Commander(TOPICS, Orders(reload, ask), say)
+    commander.take(broker, message)  # type: ignore[arg-type]
+    await commander.carry_out_waiting()
     assert len(events) == 1, "one event for each command"
     if kind & RETAINED:
         assert not asked, "a command that was retained"

@@ -87,6 +87,7 @@ class Frame:
     """One frame that the gateway sent to a drive."""
 
     __slots__ = (
+        "before",
         "candidates",
         "connection",
         "has_moved",
@@ -118,6 +119,8 @@ class Frame:
         """Reads that it may be."""
         self.written: Written | None = None
         """What was written of the target when it was sent."""
+        self.before: Written | None = None
+        """The same before it."""
         self.connection = 0
         self.intent: Intent | None = None
         self.is_interruption = False

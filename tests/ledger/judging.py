@@ -24,6 +24,8 @@ from tests.ledger.witness import Intent, Witness
 NO_CONNECTION: Final = 0x0A
 UNSEEN_NS: Final = 500 * MS
 DONE_DROP_NS: Final = 1_000 * MS
+MAY_PROVE: Final = (2, 3, 4)
+"""Exceptions that say so only of a drive whose map promises it."""
 
 
 class Judge:
@@ -49,6 +51,7 @@ class Judge:
         is_joined = len(touched) == 1 and self._target_of(frame) is not None
         if is_joined and not self._is_proven and belief.stale_part(parsed, request.arrived_ns):
             self._violation("joined-with-a-lost-part", f"{request.pdu.hex(' ')} as {frame.pdu.hex(' ')}")
+        frame.before = belief.written()
         belief.write(parsed, request.arrived_ns)
         if touched:
             self._unproven, self._is_proven = None, False
@@ -207,7 +210,7 @@ class Judge:
             else:
                 self.belief.acknowledge(request.parsed, frame.written, whole=len(touched) == 2)
         elif not is_native:
-            self._lost(frame)
+            self._lost(frame, has_proof=is_exception and self._has_proof(frame))
         unchanged = is_exception and self.layout.exception_writes_nothing
         is_held = is_native and not frame.has_moved and self._is_held(request)
         if (frame.intent is not None or frame.is_interruption) and not unchanged and not is_held:
@@ -219,6 +222,13 @@ class Judge:
         self._note_control(request, is_acknowledged=is_native)
         if is_native and frame.parsed.read is not None:
             self._read_answered(frame, is_native=True)
+
+    def _has_proof(self, frame: Frame) -> bool:
+        """Whether the exception to a write says that the drive has written nothing (M7)."""
+        if frame.reply is None:
+            return False
+        code = frame.reply[1]
+        return code == 1 or (code in MAY_PROVE and self.layout.exception_writes_nothing)
 
     def _control_of(self, request: Request | None) -> int | None:
         """Return the control word that a request writes into an image."""
@@ -237,11 +247,14 @@ class Judge:
         if control is not None:
             self._control = control if is_acknowledged else None
 
-    def _lost(self, frame: Frame) -> None:
-        touched = self.belief.touched(frame.parsed)
+    def _lost(self, frame: Frame, *, has_proof: bool = False) -> None:
+        parsed = (frame.request or frame).parsed
+        touched = self.belief.touched(parsed if has_proof else frame.parsed)
         for index in touched:
             self.belief.target[index].is_ok = self.belief.target[index].is_certain = False
-        self.belief.lose((frame.request or frame).parsed, self.witness.now_ns)
+        self.belief.lose(parsed, self.witness.now_ns)
+        if has_proof and frame.before is not None and frame.written is not None:
+            self.belief.take_back(parsed, frame.before, frame.written)
         is_place = self.layout.style in (Style.DIRECT, Style.PLAIN)
         self._unproven = frame if is_place and self._target_of(frame) is not None else None
         self.book.seen["targets not acknowledged"] += bool(touched)

@@ -355,8 +355,15 @@ class Ledger:
         frame.sample = Sample(motor.at(now_ns), not motor.is_moving(now_ns), witness.faded)
 
     def jogged(self, unit: int) -> None:
-        """Somebody jogs an axis on its own panel, beside the line."""
+        """Somebody jogs an axis on its own panel, beside the line.
+
+        Nobody does while the gateway has not seen it at rest: what is moved between start and target in sight
+        of nobody looks like an axis on its way, and a distance then counts from its target.
+        """
         witness = self.witness(unit)
+        if not (witness.done_seen or witness.is_seen_at_rest):
+            self.book.seen["jogs left out"] += 1
+            return
         self.book.seen["jogs on the panel"] += 1
         witness.did(witness.drive.jog(self.clock.now_ns), None)
         witness.moved(is_acknowledged=True, has_moved=True, is_interruption=True)

@@ -15,12 +15,14 @@ SURELY_JOINED_MS: Final = 100
 class Register:
     """One register: what was written last, whether that was acknowledged, and when."""
 
-    __slots__ = ("at_ns", "is_certain", "is_ok", "number", "word")
+    __slots__ = ("at_ns", "is_certain", "is_ok", "is_taken_back", "number", "word")
 
     def __init__(self) -> None:
         self.word: int | None = None
         self.is_ok = self.is_certain = False
         """The drive holds it; and that by an acknowledgement of the last write itself, not of one like it."""
+        self.is_taken_back = False
+        """Its last write was refused and has written nothing: it is what it was before."""
         self.at_ns = 0
         """When it was written, or lost."""
         self.number = 0
@@ -29,7 +31,7 @@ class Register:
     def write(self, word: int | None, number: int) -> None:
         """Take note of a write that is not acknowledged so far."""
         self.word, self.number = word, number
-        self.is_ok = self.is_certain = False
+        self.is_ok = self.is_certain = self.is_taken_back = False
 
     def accept(self, number: int, word: int | None) -> None:
         """Take note that the drive accepted a word, with all that was written up to a number."""
@@ -136,7 +138,9 @@ class Belief:
         """Whether a part is completed with a word that was lost long ago."""
         others = [self.target[i] for i in (0, 1) if i not in self.touched(request)]
         return any(
-            not word.is_ok and word.word is not None and arrived_ns - word.at_ns > JOINED_MS * MS
+            not (word.is_ok or word.is_taken_back)
+            and word.word is not None
+            and arrived_ns - word.at_ns > JOINED_MS * MS
             for word in others
         )
 
@@ -160,6 +164,13 @@ class Belief:
         is_certain = all(register.is_certain for register in (*self.target, self.mode))
         if indices and is_certain and (whole or self._are_both_new()):
             self.is_blocked = False
+
+    def take_back(self, request: Parsed, before: Written, sent: Written) -> None:
+        """Take note that a write was refused and has written nothing: what it wrote is as it was (M1)."""
+        for index in self.touched(request):
+            register = self.target[index]
+            if register.number == sent.number:
+                register.word, register.is_taken_back = before.target[index], True
 
     def _are_both_new(self) -> bool:
         """Whether both halves were written since the target was lost, and surely belong to one command."""

@@ -337,6 +337,12 @@ class Witness:
             self._left = 0.0
         self.reading_failed = False
 
+    @property
+    def is_seen_at_rest(self) -> bool:
+        """Whether the gateway was told that the axis has come to where it was sent."""
+        told = self._told
+        return told is not None and told[0] > self.began_ns and told[1] == self.drive.motor.end
+
     def decides(self) -> None:
         """Note that a branch is decided now: what came just now is as good as what was asked for.
 

@@ -87,7 +87,7 @@ def test_a_report_shows_the_table_that_was_in_use_and_not_the_next_one(tmp_path:
 @pytest.mark.parametrize(
     ("is_active", "said"),
     [
-        (False, "Between the targets it is predicted to leave a systematic deviation E of"),
+        (False, "With the table it is predicted to leave a systematic deviation E of"),
         (True, "the next table, made of these readings, will leave between its points E = "),
     ],
 )

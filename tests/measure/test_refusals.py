@@ -44,6 +44,10 @@ REFUSED = [
         ("--from", "0", "--to", "105", "--step", "105", "--yes"),
         "turn-around point (--overrun) 106 is outside",
     ),
+    (
+        ("--from", "0", "--to", "105", "--step", "105", "--yes"),
+        "give --from -4 or more and --to 104 or less, or a smaller --overrun",
+    ),
     (("--from", "-6", "--to", "4", "--step", "10", "--yes"), "-7 is outside travel = [-5, 105] mm"),
     (
         ("--from", "0", "--to", "10", "--step", "3", "--yes"),
@@ -62,7 +66,7 @@ REFUSED = [
     (FEW, "nobody can be asked whether it may move"),
     (
         ("--from", "0", "--to", "100", "--targets", "6", "--out", "x.tab", "--out-format", "centroid-3"),
-        "cannot be written as centroid-3",
+        "cannot be written as centroid-3: ",
     ),
 ]
 """Options that do not fit, and what is said; all of them under one gateway, which takes long to start."""

@@ -49,6 +49,31 @@ async def test_a_worn_machine_becomes_accurate_and_a_refinement_keeps_it_so(tmp_
     assert refined <= 1.05 * after
 
 
+@pytest.mark.parametrize(
+    ("cycle", "interval", "entries"),
+    [
+        (("--from", "2", "--to", "103", "--targets", "6", "--table-step", "5"), "5", 22),
+        (("--from", "2", "--to", "102", "--step", "10"), "10", 11),
+    ],
+)
+async def test_a_table_that_begins_at_home_is_made_though_home_is_the_end_of_travel(
+    tmp_path: Path, cycle: tuple[str, ...], interval: str, entries: int
+) -> None:
+    """No reading is taken at 0, where the axis has no room to turn round: the grid reaches there."""
+    async with Machine(tmp_path) as machine:
+        machine.configure('compensation = "off"\n')
+        machine.config.write_text(machine.config.read_text().replace("[-5.0, 105.0]", "[0.0, 105.0]"))
+        with Gauge(machine) as gauge:
+            built = await _measured(
+                machine, gauge, *cycle, "--runs", "1", "--out", "x.tab", "--out-format", "centroid-3"
+            )
+    assert min(reading["target"] for reading in built.of("reading")) >= 2.0
+    lines = (tmp_path / "x.tab").read_text().splitlines()
+    assert lines[3:5] == [f"INTERVAL {interval}", f"ENTRIES {entries}"]
+    assert lines[5].split()[:2] == ["+0.00000000", "+0.00000000"]  # homed forward: that column is 0 at home
+    assert len(lines) == 5 + entries
+
+
 async def _measured(machine: Machine, gauge: Gauge, *arguments: str) -> Typed:
     """One run under a gateway of its own; the readings file is called after what was there before."""
     number = len(list(machine.folder.glob("*.csv")))

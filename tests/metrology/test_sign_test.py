@@ -11,7 +11,7 @@ from gateway.compensation.curve import Curve
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.sign_test import Measurement, Pair, Verdict, Way, best_place, sign_test
+from gateway.metrology.sign_test import Measurement, Pair, Verdict, Way, best_place, room, sign_test
 
 AT = Measurement(50.0, Pair(0.0, 0.0), uncertainty=0.002, largest=1.0, mirrored=(-50.0,))
 FLAT = make_table([0, 100], [0.02, 0.02], [-0.01, -0.01], Units.MM)
@@ -80,14 +80,14 @@ def test_a_symmetric_table_is_wrong_but_nobody_can_say_how() -> None:
     result = sign_test(Curve(table), replace(AT, readings=Pair(50.02, 49.98)))
     assert result.verdict is Verdict.CANNOT_TELL
     assert set(result.candidates) == {Way.SENSE_INVERTED, Way.COLUMNS_SWAPPED}
-    assert best_place(table).separation == 0.0
+    assert best_place(Curve(table)).separation == 0.0
 
 
 def test_a_table_of_one_direction_has_no_columns_to_swap() -> None:
     table = make_table([0, 100], [0.02, 0.02], [0.02, 0.02], Units.MM)
     assert judged(table, 49.98, 49.98) is Verdict.RIGHT
     assert judged(table, 50.02, 50.02) is Verdict.SENSE_INVERTED
-    assert best_place(table).separation == pytest.approx(0.04)
+    assert best_place(Curve(table)).separation == pytest.approx(0.04)
 
 
 def test_at_zero_nobody_can_say_which_way_an_axis_goes() -> None:
@@ -147,7 +147,7 @@ def test_no_point_of_a_table_tells_more_than_the_best_one(rows: list[tuple[float
     table = make_table(
         [1e5 * i for i in range(len(rows))], [f for f, _ in rows], [b for _, b in rows], Units.MM
     )
-    best = best_place(table)
+    best = best_place(Curve(table))
     assert best.position in table.positions
     for position in table.positions:
         expected = sign_test(
@@ -157,3 +157,14 @@ def test_no_point_of_a_table_tells_more_than_the_best_one(rows: list[tuple[float
         least = min(a.distance(b) for i, a in enumerate(pairs) for b in pairs[i + 1 :])
         # The exact inverse takes the slope into account: at most 0.4 mm in 100 m here.
         assert least <= best.separation + 1e-5
+
+
+def test_a_place_is_proposed_where_there_is_room_to_come_from_both_sides() -> None:
+    """It differs most at -300, which is the end of travel: 0.3 mm there, so 0.299 mm at -299."""
+    table = make_table([-300, 0], [0.3, 0.0], [0.3, 0.0], Units.MM)
+    inside = room(table, (-300.0, 0.0), 1.0)
+    best = best_place(Curve(table), inside)
+    assert best.position == -299.0
+    assert best.separation == pytest.approx(2 * 0.299)
+    at = replace(AT, position=-1.0, readings=Pair(-1.0, -1.0), mirrored=())
+    assert sign_test(Curve(table), at, inside).best == best

@@ -29,8 +29,23 @@ def stages() -> list[list[tuple[str, str]]]:
         instruction, _, rest = line.strip().partition(" ")
         if instruction == "FROM":
             found.append([])
-        found[-1].append((instruction, rest))
+        if found:  # before them stands which image they begin with
+            found[-1].append((instruction, rest))
     return found
+
+
+def test_both_stages_begin_with_one_image_that_one_line_pins(tmp_path: Path) -> None:
+    text = (DEPLOY / "Dockerfile").read_text()
+    assert [stage[0][1].split()[0] for stage in stages()] == ["${BASE}", "${BASE}"]
+    assert re.findall(r"^ARG BASE=(.*)$", text, re.MULTILINE) == ["debian:bookworm-slim"]
+    # The command of the comment, with a docker that knows one digest.
+    (command,) = re.findall(r"^#   (base=.*)$", text, re.MULTILINE)
+    (tmp_path / "deploy").mkdir()
+    (tmp_path / "deploy" / "Dockerfile").write_text(text)
+    digest = f"sha256:{'5' * 64}"
+    subprocess.run(["bash", "-ec", f"docker() {{ echo {digest}; }}; {command}"], cwd=tmp_path, check=True)
+    pinned = (tmp_path / "deploy" / "Dockerfile").read_text()
+    assert re.findall(r"^ARG BASE=(.*)$", pinned, re.MULTILINE) == [f"debian:bookworm-slim@{digest}"]
 
 
 def mounts(service: dict[str, Any]) -> dict[str, str]:

@@ -11,7 +11,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from tools import audit, lock
+from tools import audit, lock, lowest
 
 ROOT = Path(__file__).parents[2]
 PYPROJECT = (ROOT / "pyproject.toml").read_text()
@@ -62,10 +62,31 @@ def test_a_bound_without_a_reason_is_found(lines: str, found: list[str]) -> None
     assert caps_without_reason(f"[project]\ndependencies = [\n{lines}\n]\n") == found
 
 
-def test_no_wheel_of_cryptography_with_the_hole_of_its_openssl_is_let_in() -> None:
-    (cryptography,) = (each for each in map(Requirement, declared(PYPROJECT)) if each.name == "cryptography")
-    assert not cryptography.specifier.contains("48.0.0")  # GHSA-537c-gmf6-5ccf: mended in 48.0.1
-    assert cryptography.specifier.contains("48.0.1")
+@pytest.mark.parametrize(
+    ("name", "hole", "mended"),
+    [
+        ("cryptography", "49.0.0", "50.0.0"),  # GHSA-g6cj-pr64-35w5
+        ("h11", "0.14.0", "0.16.0"),  # GHSA-vqfr-h8mv-ghfj
+        ("starlette", "1.3.0", "1.3.1"),  # CVE-2026-54283; GHSA-86qp-5c8j-p5mr was mended in 1.0.1
+        ("pytest", "9.0.2", "9.0.3"),  # GHSA-6w46-j5rx-g56g
+        ("setuptools", "78.1.0", "78.1.1"),  # GHSA-5rjg-fvgr-3xxf
+    ],
+)
+def test_no_version_with_a_known_hole_is_let_in(name: str, hole: str, mended: str) -> None:
+    (package,) = (each for each in map(Requirement, declared(PYPROJECT)) if each.name == name)
+    assert not package.specifier.contains(hole)
+    assert package.specifier.contains(mended)
+
+
+def test_the_lowest_version_of_each_package_that_runs_is_named_in_full() -> None:
+    """An index is asked for a release by its name: 2.0.0 is one, 2 is none."""
+    packages = list(map(Requirement, tomllib.loads(PYPROJECT)["project"]["dependencies"]))
+    pins = lowest.of_project()
+    assert len(pins) == len(packages)
+    for pin, package in zip(map(Requirement, pins), packages, strict=True):
+        (version,) = (each.version for each in pin.specifier)
+        assert (pin.name, package.specifier.contains(version)) == (package.name, True)
+        assert version.count(".") == 2 or package.name == "pyserial", pin  # its releases have two numbers
 
 
 def pins(path: Path) -> dict[str, tuple[Requirement, list[str]]]:
@@ -170,14 +191,14 @@ def test_an_audit_names_each_hole_and_says_where_nobody_could_be_asked() -> None
     assert code == 1  # a hole that is known weighs more than one that is not
 
 
-def test_an_audit_that_cannot_ask_says_so_in_one_line(tmp_path: Path) -> None:
+def test_an_audit_that_cannot_ask_says_so_in_one_line() -> None:
     # An interpreter without pip-audit asks as little as one without a network.
     done = subprocess.run(
-        [sys.executable, ROOT / "tools" / "audit.py"],
+        [sys.executable, "-m", "tools.audit"],
         capture_output=True,
         text=True,
         check=False,
-        cwd=tmp_path,
+        cwd=ROOT,
     )
     assert (done.returncode, done.stderr) == (3, "")
     assert done.stdout.startswith("not audited: ")

@@ -144,3 +144,24 @@ def test_a_dry_run_changes_nothing(tmp_path: Path) -> None:
     assert "would make /opt/pitch-gateway.releases/" in said
     assert "would not touch /etc/pitch-gateway and /var/lib/pitch-gateway" in said
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="the installer asks for root")
+def test_purge_removes_what_was_added_to_the_units_and_says_so(tmp_path: Path) -> None:
+    folders = [
+        tmp_path / f"etc/systemd/system/pitch-gateway-{unit}.service.d" for unit in ("relay", "supervisor")
+    ]
+    for folder in folders:
+        folder.mkdir(parents=True)
+        (folder / "configuration.conf").write_text("[Service]\n")
+    (tmp_path / "etc/passwd").touch()
+    said = installer("--prefix-root", tmp_path, "uninstall")
+    for folder in folders:
+        assert f"left: /{folder.relative_to(tmp_path)}" in said
+    said = installer("--prefix-root", tmp_path, "--purge", "uninstall", expected=1)
+    assert "pitch-gateway-relay.service.d" in said
+    assert all(folder.exists() for folder in folders)
+    said = installer("--prefix-root", tmp_path, "--purge", "--yes", "uninstall")
+    assert not any(folder.exists() for folder in folders)
+    for folder in folders:
+        assert f"/{folder.relative_to(tmp_path)}" in said.partition("removed: ")[2]

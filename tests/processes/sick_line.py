@@ -221,8 +221,8 @@ class SickLine:
 
 
 def kinds(status: dict[str, Any]) -> list[str]:
-    """Return the kinds of trouble that the operator is told, worst first."""
-    return [trouble["kind"] for trouble in status["troubles"] if trouble["audience"] == "operator"]
+    """Return the kinds of trouble, worst first."""
+    return [trouble["kind"] for trouble in status["troubles"]]
 
 
 class Client:

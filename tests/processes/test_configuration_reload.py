@@ -1,12 +1,14 @@
 """The configuration is reloaded where that is safe; what needs a restart is named, and nothing changes."""
 
+import json
 import signal
+import time
 from typing import Any
 
 from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
 from tests.commands import typed
-from tests.processes.bench import Master, Site, gateway_of
+from tests.processes.bench import SECONDS, Master, Site, gateway_of
 
 
 def axis_status(site: Site) -> dict[str, Any]:
@@ -71,6 +73,33 @@ def test_a_table_comes_and_goes_beside_a_backlash(site: Site) -> None:
         assert typed("reload", config).returncode == 0
         assert there_and_back(master) == (60_000, 39_800)
         assert axis_status(site)["table"]["file"] is None
+        assert gateway.end() == 0
+
+
+def status_when(config: str, kinds: list[str]) -> dict[str, Any]:
+    """Look until these are the troubles; the supervisor looks five times a second."""
+    latest_s = time.monotonic() + SECONDS
+    while True:
+        status: dict[str, Any] = json.loads(typed("status", config, "--json").stdout)
+        if [each["kind"] for each in status["troubles"] if each["kind"] != "over-budget"] == kinds:
+            return status
+        assert time.monotonic() < latest_s, status["troubles"]
+
+
+def test_how_long_a_controller_may_be_silent_is_taken_over_while_it_runs(site: Site) -> None:
+    config = str(site.config)
+    text = site.config.read_text()
+    with gateway_of(site) as (gateway, master):
+        assert master.move(50_000) == 50_050
+        status_when(config, [])
+        for limit in ("0.001", "90000"):
+            site.config.write_text(text.replace('name = "cnc"', f'name = "cnc"\nsilent_after_s = {limit}'))
+            done = typed("reload", config)
+            assert (done.returncode, done.stderr) == (0, "")
+            assert done.stdout == "in force now: line.xyz.controllers[1].silent_after_s\n"
+            status = status_when(config, ["controller-silent"] if limit == "0.001" else [])
+            [controller] = status["lines"]["xyz"]["controllers"]
+            assert controller["silent_after_s"] == float(limit)
         assert gateway.end() == 0
 
 

@@ -63,7 +63,7 @@ def test_the_page_follows_the_machine_and_says_what_is_wrong_as_long_as_it_is(mi
         assert "Mend the file" in words
         table.write_text(good)
         gateway.until("table-mended")
-        page.wait_for_selector("#well:not([hidden])")
+        page.wait_for_selector("#verdict.well")
         assert page.locator(f"{TROUBLE} > *").count() == 0
         controller.end()
         assert gateway.end() == 0

@@ -15,8 +15,13 @@ from tests.processes.sick_line import GARBAGE, Client, Health, SickLine, kinds
 
 WAIT_MS = 30_000
 CODE_NO_ANSWER = bytes.fromhex("83 0B")
-CONTROLLERS = "[...document.querySelectorAll('.controller-state')].map((one) => one.textContent)"
-STATES = "[...document.querySelectorAll('article.axis .state')].map((one) => one.textContent)"
+CONTROLLERS = (
+    "[...document.querySelectorAll('.controller-state')].map((one) => one.textContent.split(',')[0])"
+)
+"""Without how long ago they asked."""
+STATES = (
+    "[...document.querySelectorAll('article.axis .state span:not(.since)')].map((one) => one.textContent)"
+)
 
 
 @pytest.fixture
@@ -61,7 +66,7 @@ def test_a_drive_that_has_never_answered_is_named_and_not_called_unreferenced(
         trouble = sick.until_trouble("drive-silent", ask)
         assert trouble["where"] == "axis x"
         assert trouble["what"].startswith("its drive (unit id 1) has never answered for ")
-        assert "unit id, baud rate and parity; pitch-gateway probe" in trouble["remedy"]
+        assert "unit id, baud rate and parity; pitch-gateway capture --follow" in trouble["remedy"]
         assert trouble["axes"] == ["x"]
         status = sick.status()
         assert kinds(status)[0] == "drive-silent"

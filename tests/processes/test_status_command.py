@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 import socket
 import time
 from collections.abc import Callable
@@ -35,17 +36,23 @@ def test_the_status_of_a_gateway_that_runs(site: Site) -> None:
         assert master.move(50_000) == 50_050
         assert master.move(60_000) == 60_060
         model = until(config, lambda model: model["lines"]["xyz"]["exchanges"] == 2)
-        assert set(model) == {"gateway", "lines", "axes", "supervisor", "troubles"}
+        assert set(model) == {"gateway", "lines", "axes", "supervisor", "verdict", "troubles"}
         assert model["gateway"]["name"] == "trial"
         assert model["axes"]["x"]["nominal_setpoint"] == 60.0
         plain = typed("status", config)
         assert (plain.returncode, plain.stderr) == (0, "")
         lines = [" ".join(line.split()) for line in plain.stdout.splitlines()]
-        assert lines[0].startswith(f"gateway trial {__version__}")
+        assert lines[0].startswith("HEALTHY since ")
+        assert lines[2].startswith(f"gateway trial {__version__}")
         assert f"line xyz: up, drives {model['lines']['xyz']['drives']['address']}" in lines
         assert "exchanges 2, time-outs 0" in lines
         # 60 mm and 0.1 % of it; nothing is mapped that says where the axis stands.
         assert "x active forward 60.0000 60.0600 – – mm" in lines
+        age = re.compile(
+            "x: its position was not read since it got its target "
+            "(more than [0-9]+ s|less than 1 s|[0-9]+ s) ago"
+        )
+        assert any(map(age.fullmatch, lines)), lines
         assert "x x.tab 3 active cnc (127.0.0.1)" in lines
         assert typed("disable", config).returncode == 0
         until(config, lambda model: model["axes"]["x"]["compensation"] == "off")

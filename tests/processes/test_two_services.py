@@ -2,17 +2,28 @@
 
 import signal
 import socket
+import subprocess
 import time
 
+import msgspec
+
+from gateway.cli.configuration import compile_for_start_or_exit
+from gateway.cli.processes import command_of
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
+from gateway.ipc.notes import LogFormat
+from gateway.ipc.state_folder import PLAN_NAME
+from gateway.ipc.state_version import VERSION, sealed, unsealed
 from gateway.ipc.supervisor_client import ask_supervisor
+from tests.child import started
 from tests.commands import typed
 from tests.processes.bench import (
+    ROOT,
     SECONDS,
     STEEPER,
     TABLE,
     Master,
+    Running,
     Site,
     children,
     gateway_of,
@@ -23,7 +34,7 @@ from tests.processes.bench import (
 
 def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
     config = str(site.config)
-    nothing = typed_apart("relay", config)
+    nothing = typed_apart("relay", config, "--log-format", "console")
     assert nothing.returncode == 1
     assert nothing.stderr == (
         f"{config}: it has not been compiled yet: there is no {site.config.parent}/state/plan.msgpack; "
@@ -38,11 +49,30 @@ def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
         assert children(relay.process) == {}
         assert relay.end() == 0
     site.config.write_text(site.config.read_text() + "# a remark\n")
-    changed = typed_apart("relay", config)
+    changed = typed_apart("relay", config, "--log-format", "console")
     assert changed.returncode == 1
     assert changed.stderr == (
         f"{config}: {config} has changed since it was compiled; run: pitch-gateway check --compile {config}\n"
     )
+
+
+def test_a_configuration_that_is_edited_while_run_starts_its_programs_ends_neither(site: Site) -> None:
+    """``run`` has compiled what it read; its two programs start from that, whatever the file says by then."""
+    compiled_into = "--state", str(compile_for_start_or_exit(site.config))
+    site.config.write_text("[gateway\n")  # as a text editor leaves it for a moment
+    relay_command = command_of("gateway.relay", site.config, LogFormat.JSON, *compiled_into)
+    supervisor_command = command_of("gateway.supervisor", site.config, LogFormat.JSON, *compiled_into)
+    with started(relay_command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+        relay = Running(process)
+        relay.until("line-up")
+        master = site.master()
+        assert master.move(50_000) == 50_050
+        master.close()
+        with started(supervisor_command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as other:
+            supervisor = Running(other)
+            supervisor.until("relay-reached")
+            assert supervisor.end() == 0
+        assert relay.end() == 0
 
 
 def test_after_a_bad_table_the_relay_starts_with_the_last_good_one(site: Site) -> None:
@@ -213,12 +243,28 @@ def test_a_second_supervisor_on_the_same_folder_is_refused(site: Site) -> None:
     )
     with running("supervise", config) as supervisor:
         supervisor.until("supervising")
-        second = typed_apart("supervise", config)
+        second = typed_apart("supervise", config, "--log-format", "console")
         assert (second.returncode, second.stderr) == (1, refusal)
         supervisor.process.kill()  # the lock goes with its process, whatever way that ends
         supervisor.rest()
     with gateway_of(site) as (gateway, master):
-        beside_run = typed_apart("supervise", config)
+        beside_run = typed_apart("supervise", config, "--log-format", "console")
         assert (beside_run.returncode, beside_run.stderr) == (1, refusal)
         assert master.move(50_000) == 50_050
         assert gateway.end() == 0
+
+
+def test_on_the_state_of_a_newer_release_neither_service_starts(site: Site) -> None:
+    config = str(site.config)
+    assert typed("check", "--compile", config).returncode == 0
+    plan = site.config.parent / "state" / PLAN_NAME
+    later = {"version": VERSION + 1, "gateway_version": "999.0.0"}
+    plan.write_bytes(
+        sealed(msgspec.msgpack.encode(msgspec.msgpack.decode(unsealed(plan.read_bytes())) | later))
+    )
+    before = {path: path.read_bytes() for path in plan.parent.iterdir() if path.is_file()}
+    for command in ("relay", "supervise"):
+        ended = typed_apart(command, config, "--log-format", "console")
+        assert ended.returncode == 1
+        assert "was written by a newer release, 999.0.0" in ended.stderr
+    assert {path: path.read_bytes() for path in plan.parent.iterdir() if path.is_file()} == before

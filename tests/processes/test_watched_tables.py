@@ -151,14 +151,13 @@ def test_without_a_last_good_one_a_bad_file_starts_nothing(site: Site) -> None:
 
 
 def _warnings(gateway: Running) -> list[str]:
-    """Return what the command says before its log begins."""
+    """Return what is said of the configuration before the gateway starts."""
     lines: list[str] = []
     while True:
-        line = gateway.line()
-        assert line, lines
-        if line.startswith("{"):
+        note = json.loads(gateway.line())
+        if note["event"] != "configuration-warning":
             return lines
-        lines.append(line)
+        lines.append(note["detail"])
 
 
 def test_a_bad_file_stays_told_of_while_a_wrong_configuration_is_refused(site: Site) -> None:

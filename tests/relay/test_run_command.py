@@ -176,9 +176,9 @@ async def test_a_port_in_use_is_one_line_with_its_key_and_code_1(tmp_path: Path)
         config.write_text(CONFIG.format(drives=1, port=port))
         async with running(config) as process:
             _, errors = await process.communicate()
-    said = [line for line in errors.decode().splitlines() if not line.startswith(("{", "warning"))]
-    assert len(said) == 1
-    assert f"line.xyz.controllers[1].tcp (cnc): 127.0.0.1:{port} is in use" in said[0]
+    notes = map(json.loads, errors.decode().splitlines())
+    [said] = [note["detail"] for note in notes if note["event"] == "standard-error"]
+    assert f"line.xyz.controllers[1].tcp (cnc): 127.0.0.1:{port} is in use" in said
     assert process.returncode == 1
 
 

@@ -118,7 +118,7 @@ def test_a_correction_below_zero_is_in_two_s_complement() -> None:
         ({"compensation": CompensationMode.SHADOW}, 3, 0b0011, 0b10000),
         ({"compensation": CompensationMode.OFF}, 4, 0b0001, 0b10000),
         ({"referenced": Reference.SET_POSITION}, 5, 0b0010, 0b10000),
-        ({"table": None}, 6, 0b0011, 0),
+        ({"table": None}, 6, 0b0011, 0b10000),
     ],
     ids=["shadow", "off", "unreferenced", "no-table"],
 )

@@ -119,6 +119,26 @@ def test_a_reload_takes_a_saved_table_and_fails_where_it_is_bad(mill: Mill) -> N
     assert mill.moved(50_001) == 50_051
 
 
+def test_the_journal_finds_warnings_and_errors_by_their_priority(mill: Mill) -> None:
+    """Bad and good tables, twice: as `check --compile` of the unit says it, and as the supervisor logs it."""
+    mill.machine.write(TABLE_PATH, "no table")
+    mill.machine.run("systemctl", "reload", SUPERVISOR, is_checked=False)
+    mill.machine.run("systemctl", "restart", RELAY)
+    mill.machine.write(TABLE_PATH, TABLE)
+    mill.machine.run("systemctl", "reload", SUPERVISOR)
+    read = ("journalctl", "--no-pager", "--output=cat", f"--unit={RELAY}", f"--unit={SUPERVISOR}")
+    errors = mill.machine.run(*read, "--priority=err")
+    assert "/etc/pitch-gateway/tables/x.tab" in errors
+    assert '"event": "ready"' not in errors
+    warnings = mill.machine.run(*read, "--priority=warning..warning")
+    assert '"level": "warning"' in warnings
+    levels = {"err": "error", "warning": "warning", "info": "info"}
+    for priority, level in levels.items():
+        said = mill.machine.run(*read, f"--priority={priority}..{priority}").splitlines()
+        found = {line.partition('"level": "')[2].partition('"')[0] for line in said if line[:1] == "{"}
+        assert found == {level}
+
+
 @pytest.mark.timeout(180)
 def test_a_relay_that_hangs_is_started_again_and_its_port_stays_open(mill: Mill) -> None:
     before = mill.drive.told.copy()

@@ -1,6 +1,7 @@
 """``pitch-gateway simulate`` as a process: what a person types, sees and interrupts."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -12,10 +13,13 @@ import pytest
 from typer.testing import CliRunner
 
 from gateway.cli.app import app
+from gateway.cli.measuring.instruments import SerialGauge
+from gateway.metrology.gauge_kinds import GaugeKind
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import ModbusMaster
 from tests.child import started
 
+ROOT = Path(__file__).parents[2]
 COMMAND_LINE = [sys.executable, "-c", "from gateway.cli.main import main; main()", "simulate"]
 CONFIGURATION = """
 [gateway]
@@ -94,6 +98,43 @@ async def test_every_drive_of_a_configuration_can_be_talked_to(configuration: Pa
         _, errors = process.communicate(timeout=20)
         assert (process.returncode, errors) == (0, "")
     assert sorted(p.name for p in configuration.parent.iterdir()) == ["gateway.toml"]
+
+
+async def test_a_laser_at_each_axis_is_asked_like_a_gauge_and_shown_to_who_types(configuration: Path) -> None:
+    """It sees the nut: a worn screw does not take it to exactly the -5 mm that the encoder says."""
+    folder = configuration.parent
+    with started(
+        [*COMMAND_LINE, str(configuration), "--gauge", "--seed", "5"],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        said = [process.stdout.readline().strip() for _ in range(9)]
+        assert said[6:] == [
+            "axis x: a laser on gauge-x, as measure --gauge gauge-x reads it",
+            "axis y: a laser on gauge-y, as measure --gauge gauge-y reads it",
+            "Ctrl-C ends it.",
+        ]
+        gauge = SerialGauge(
+            GaugeKind.SYLVAC, SerialEndpoint(str(folder / "gauge-x"), 4800, "E", 7, 2), "?\r", 5.0
+        )
+        await gauge.open()
+        assert await gauge.read("home") == pytest.approx(0.0, abs=0.001)  # where it was set: 0, but for noise
+        async with ModbusMaster(SerialEndpoint(str(folder / "ttyDrives"), 115200), 5000.0) as master:
+            await master.exchange(4, pack(">BHHBi", 16, 0x40, 2, 4, -5000))
+        shown = process.stdout.readline()
+        assert (shown.split()[:6], shown.split()[7]) == (
+            ["axis", "x", "stands;", "its", "laser", "shows"],
+            "mm",
+        )
+        assert 0.0 < abs(float(shown.split()[6]) + 5.0) < 1.0
+        assert await gauge.read("-5 mm") == pytest.approx(float(shown.split()[6]), abs=0.001)
+        gauge.close()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20) == 0
+    assert sorted(p.name for p in folder.iterdir()) == ["gateway.toml"]
 
 
 async def test_a_line_may_be_as_bad_as_its_adapter_and_its_drives_are(configuration: Path) -> None:

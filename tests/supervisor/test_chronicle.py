@@ -68,28 +68,54 @@ def test_ten_minutes_are_kept_a_place_each_second() -> None:
     chronicle = Chronicle()
     for number in range(5 * 700):  # 700 s, five snapshots in each
         chronicle.take(snapshot(float(number)), 1000.0 + number / 5)
-    history = chronicle.history("x", 1700.0)
+    history = chronicle.history("x")
     assert history is not None
-    assert len(history["nominal"]) == len(history["ages_s"]) == len(history["correction"]) == 600
-    assert history["nominal"][-1] == 3495.0  # the first snapshot of the last second
-    assert history["ages_s"][0] == 600.5
-    assert history["correction"][-1] == 0.25
-    assert chronicle.history("y", 1700.0) is None
+    assert len(history) == 600
+    assert history[-1].nominal == 3495.0  # the first snapshot of the last second
+    assert history[0].at_s == 1099.5
+    assert history[-1].correction == 0.25
+    assert chronicle.history("y") is None
+    assert chronicle.newest() == {"x": history[-1]}
 
 
 def test_where_nothing_is_known_there_is_a_gap_and_in_shadow_the_correction_is_what_would_be_added() -> None:
     chronicle = Chronicle()
     chronicle.take(snapshot(None, correction=None), 100.0)
     chronicle.take(snapshot(40.0, compensation="shadow"), 102.0)
-    history = chronicle.history("x", 102.0)
+    history = chronicle.history("x")
     assert history is not None
-    assert history["nominal"] == [None, 40.0]
-    assert history["correction"] == [None, 0.125]
+    assert [seen.nominal for seen in history] == [None, 40.0]
+    assert [seen.correction for seen in history] == [None, 0.125]
+    assert [seen.compensation for seen in history] == ["active", "shadow"]
 
 
 def test_an_axis_that_is_gone_is_forgotten() -> None:
     chronicle = Chronicle()
     chronicle.take(snapshot(40.0), 100.0)
     chronicle.take({"axes": {}}, 101.0)
-    assert chronicle.history("x", 101.0) is None
+    assert chronicle.history("x") is None
     assert chronicle.last("x", 101.0) is None
+
+
+def test_a_supervisor_that_comes_late_has_the_last_reading_from_the_relay() -> None:
+    chronicle = Chronicle()
+    told = {"nominal": 40.0, "corrected": 40.25, "age_s": 30.0}
+    chronicle.take(snapshot(None, correction=None, last_actual=told), 100.0)
+    assert chronicle.last("x", 101.0) == {"nominal": 40.0, "corrected": 40.25, "age_s": 31.0}
+    # What it has seen itself counts more: the relay's is on the map of now.
+    chronicle.take(snapshot(50.0), 102.0)
+    chronicle.take(snapshot(None, correction=None, last_actual=told), 103.0)
+    last = chronicle.last("x", 103.0)
+    assert last is not None
+    assert last["nominal"] == 50.0
+
+
+def test_the_age_of_a_target_is_known_once_it_was_seen_to_come() -> None:
+    chronicle = Chronicle()
+    chronicle.take(snapshot(None, nominal_setpoint=40.0), 100.0)
+    assert chronicle.target("x", 130.0) == {"age_s": 30.0, "is_at_least": True}
+    chronicle.take(snapshot(None, nominal_setpoint=50.0), 140.0)
+    chronicle.take(snapshot(None, nominal_setpoint=50.0), 150.0)
+    assert chronicle.target("x", 155.0) == {"age_s": 15.0, "is_at_least": False}
+    chronicle.take(snapshot(None, nominal_setpoint=None), 160.0)
+    assert chronicle.target("x", 160.0) is None

@@ -1,7 +1,9 @@
 """The whole status model, and what is wrong according to it."""
 
 import re
+import time
 from copy import deepcopy
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
@@ -9,7 +11,8 @@ import pytest
 from gateway.catalogue.troubles import HIDES, TROUBLES
 from gateway.config.problems import Problem
 from gateway.supervisor.book import Book
-from gateway.supervisor.model import whole_model
+from gateway.supervisor.chronicle import Chronicle
+from gateway.supervisor.model import NO_LIMITS, Limits, whole_model
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.trouble import STALE_S
 
@@ -36,7 +39,8 @@ def model(
     moving: frozenset[str] = frozenset(),
     age_s: float | None = 0.1,
     is_up: bool = True,
-    supervisor: dict[str, Any] = WELL,
+    supervisor: dict[str, Any] | None = WELL,
+    silent_after_s: Limits = NO_LIMITS,
 ) -> dict[str, Any]:
     book = Book()
     book.enter({"x": "x.tab"}, outcome or Outcome())
@@ -47,6 +51,7 @@ def model(
         snapshot_age_s=age_s,
         tables=book.entries(moving),
         supervisor=supervisor,
+        silent_after_s=silent_after_s,
     )
 
 
@@ -104,7 +109,13 @@ def test_a_bad_file_that_is_being_saved_again_keeps_its_problem_until_it_has_bee
 
 @pytest.mark.parametrize(
     ("compensation", "severity"),
-    [("blocked", "error"), ("unreferenced", "warning"), ("off", "warning"), ("shadow", "warning")],
+    [
+        ("blocked", "error"),
+        ("unreferenced", "warning"),
+        ("off", "warning"),
+        ("shadow", "warning"),
+        ("no-table", "warning"),
+    ],
 )
 def test_an_axis_that_is_not_corrected_is_a_trouble(compensation: str, severity: str) -> None:
     found = model(with_axis(compensation=compensation))
@@ -118,7 +129,7 @@ def test_a_rejected_file_does_not_hide_that_the_axis_is_not_corrected(compensati
     assert {kind for _, kind, _ in kinds(found)} == {"table-rejected", compensation}
 
 
-@pytest.mark.parametrize("compensation", ["active", "blending", "no-table"])
+@pytest.mark.parametrize("compensation", ["active", "blending"])
 def test_an_axis_that_does_what_it_should_is_none(compensation: str) -> None:
     assert kinds(model(with_axis(compensation=compensation))) == []
 
@@ -404,6 +415,9 @@ def test_a_port_of_which_nothing_was_whole_is_said_with_its_count() -> None:
     found = model(with_controller(whole=0, damaged=12, minute=minute))
     assert kinds(found) == [("error", "controller-garbled", "line xyz, controller plc")]
     assert found["troubles"][0]["what"] == "12 of 12 frames from /dev/ttyS1 were damaged, not one was whole"
+    assert found["axes"]["x"]["verdict"]["state"] == "error"
+    monitor = model(with_controller(whole=0, damaged=12, minute=minute, role="monitor"))
+    assert monitor["axes"]["x"]["verdict"]["state"] == "healthy"  # it moves no axis
     some = model(with_controller(whole=188, damaged=12, minute={"whole": 188, "damaged": 12}))
     assert kinds(some) == [("warning", "controller-damaged", "line xyz, controller plc")]
     assert some["troubles"][0]["what"] == "12 of 200 frames from /dev/ttyS1 were damaged in the last minute"
@@ -448,12 +462,11 @@ def test_two_writers_that_go_on_are_a_trouble(refused: int, changes: int, counte
         assert found["troubles"][0]["what"] == f"cnc and panel both want to move it: {counted} in 20 s"
 
 
-def test_a_budget_is_for_the_retrofitter_and_takes_no_green_from_an_axis() -> None:
+def test_what_stands_in_the_list_is_what_axis_and_gateway_are_called() -> None:
     found = model(with_axis(latency={"is_over_budget": True, "budget_us": 500.0}))
-    assert [(each["kind"], each["audience"]) for each in found["troubles"]] == [
-        ("over-budget", "retrofitter")
-    ]
-    assert found["axes"]["x"]["trouble"] is None
+    assert kinds(found) == [("warning", "over-budget", "axis x")]
+    assert (found["verdict"]["state"], found["verdict"]["warnings"]) == ("warning", 1)
+    assert words_of(found["axes"]["x"]) == ("warning", "over-budget", "")
 
 
 def test_what_follows_from_a_trouble_never_hides_that() -> None:
@@ -482,3 +495,255 @@ def test_a_beam_that_has_not_all_gone_is_a_trouble(group: dict[str, object], kin
     assert trouble["axes"] == ["x"]
     assert what in trouble["what"]
     assert not [each for each in model(with_axis(group=GROUP))["troubles"] if "group" in each["kind"]]
+
+
+def words_of(axis: dict[str, Any]) -> tuple[str, str, str]:
+    return axis["verdict"]["state"], axis["verdict"]["kind"], axis["verdict"]["title"]
+
+
+def test_a_gateway_of_which_nothing_is_wrong_is_healthy_and_says_since_when() -> None:
+    found = model(with_controllers(cnc()))
+    assert {**found["verdict"], "since": ""} == {"state": "healthy", "since": "", "errors": 0, "warnings": 0}
+    assert datetime.fromisoformat(found["verdict"]["since"]) <= datetime.now(UTC)
+    assert words_of(found["axes"]["x"]) == ("healthy", "active", "")
+
+
+def cnc(asked_s: float | None = 0.2, **changes: Any) -> dict[str, Any]:
+    """A motion controller on TCP that is connected."""
+    connections = ["192.168.0.7:50000"]
+    return {"name": "cnc", "role": "motion", "connections": connections, "asked_s": asked_s, **changes}
+
+
+def plc(asked_s: float | None = 0.2, **changes: Any) -> dict[str, Any]:
+    """A motion controller on a serial port that is open."""
+    port = {"address": "/dev/ttyS1", "state": "up", "failure": ""}
+    return {"name": "plc", "role": "motion", "asked_s": asked_s, **port, **changes}
+
+
+def with_controllers(*controllers: dict[str, Any], uptime_s: float = 3600.0) -> dict[str, Any]:
+    snapshot = with_drive(ANSWERS)
+    snapshot["gateway"]["uptime_s"] = uptime_s
+    snapshot["lines"]["xyz"]["controllers"] = list(controllers)
+    return snapshot
+
+
+@pytest.mark.parametrize(
+    ("controller", "kind", "title", "what"),
+    [
+        (
+            cnc(40.0, connections=[]),
+            "controller-absent",
+            "No controller",
+            "no controller: it is not connected, and it has asked for nothing for 40 s",
+        ),
+        (
+            cnc(None, connections=[]),
+            "controller-absent",
+            "No controller",
+            (
+                "no controller: it is not connected, and it has asked for nothing since the gateway was "
+                "started 1 h 0 min ago"
+            ),
+        ),
+        (
+            cnc(40.0),
+            "controller-silent",
+            "Controller silent",
+            "it is connected, and it has asked for nothing for 40 s",
+        ),
+        (
+            plc(40.0),
+            "controller-silent",
+            "Controller silent",
+            "its port is open, and it has asked for nothing for 40 s",
+        ),
+    ],
+)
+def test_an_axis_that_no_controller_asks_for_is_not_healthy(
+    controller: dict[str, Any], kind: str, title: str, what: str
+) -> None:
+    found = model(with_controllers(controller))
+    [trouble] = found["troubles"]
+    where = f"line xyz, controller {controller['name']}"
+    assert (trouble["severity"], trouble["kind"], trouble["where"]) == ("warning", kind, where)
+    assert trouble["what"] == what
+    assert trouble["axes"] == ["x", "y"]
+    assert begins_with_a_word(trouble["remedy"])
+    # Since it was silent, and not since somebody looked.
+    silent_s = controller["asked_s"] or 3600.0
+    ago_s = (datetime.now(UTC) - datetime.fromisoformat(trouble["since"])).total_seconds()
+    assert ago_s == pytest.approx(silent_s, abs=5.0)
+    assert found["verdict"]["state"] == "warning"
+    assert found["verdict"]["since"] == found["axes"]["x"]["verdict"]["since"] == trouble["since"]
+    assert words_of(found["axes"]["x"]) == ("warning", kind, title)
+
+
+@pytest.mark.parametrize(("asked_s", "is_missed"), [(4.8, False), (4.9, True)])
+def test_a_line_is_without_a_controller_after_five_seconds(asked_s: float, *, is_missed: bool) -> None:
+    # The snapshot is 0.1 s old: that is silence, too.
+    assert bool(model(with_controllers(cnc(asked_s)))["troubles"]) == is_missed
+
+
+def test_one_motion_controller_that_asks_is_enough_for_its_line() -> None:
+    """The same program may listen on IPv4 and on IPv6, and a panel for setting up comes once a month."""
+    assert kinds(model(with_controllers(cnc(), plc(4000.0)))) == []
+    none = model(with_controllers(cnc(40.0, connections=[]), plc(90.0, state="up")))
+    assert kinds(none) == [("warning", "controller-silent", "line xyz")]
+    assert none["troubles"][0]["what"] == "none of cnc, plc has asked for anything for 40 s"
+    off = model(with_controllers(cnc(40.0, connections=[]), cnc(None, connections=[], name="spare")))
+    assert kinds(off) == [("warning", "controller-absent", "line xyz")]
+    assert off["troubles"][0]["what"] == (
+        "no controller: none of cnc, spare is connected, and none of them has asked for anything for 40 s"
+    )
+
+
+def test_monitors_and_operators_come_and_go() -> None:
+    panel = cnc(None, name="panel", role="operator", connections=[])
+    assert kinds(model(with_controllers(cnc(), panel))) == []
+    assert model(with_controllers(panel))["verdict"]["state"] == "healthy"
+
+
+@pytest.mark.parametrize(
+    ("limit_s", "asked_s", "is_missed"),
+    [(0.0, None, False), (0.0, 1e6, False), (90_000.0, 80_000.0, False), (90_000.0, 90_000.0, True)],
+)
+def test_a_controller_that_says_how_long_it_may_be_silent_is_held_to_that(
+    limit_s: float, asked_s: float | None, *, is_missed: bool
+) -> None:
+    snapshot = with_controllers(cnc(asked_s, connections=[]))
+    found = model(snapshot, silent_after_s={("xyz", "cnc"): limit_s})
+    assert [kind for _, kind, _ in kinds(found)] == (["controller-absent"] if is_missed else [])
+    assert found["verdict"]["state"] == ("warning" if is_missed else "healthy")
+
+
+def test_a_controller_with_a_limit_of_its_own_is_missed_though_another_one_asks() -> None:
+    found = model(with_controllers(cnc(), plc(12.0)), silent_after_s={("xyz", "plc"): 10.0})
+    assert kinds(found) == [("warning", "controller-silent", "line xyz, controller plc")]
+
+
+def test_until_a_controller_has_asked_for_the_first_time_its_axes_wait_and_are_not_healthy() -> None:
+    found = model(with_controllers(cnc(None, connections=[]), uptime_s=3.0))
+    assert kinds(found) == []
+    assert found["verdict"]["state"] == "waiting"
+    assert words_of(found["axes"]["x"]) == ("waiting", "controller-awaited", "Waiting for the controller")
+    # Also where it may stay away for a day.
+    rare = model(with_controllers(cnc(None)), silent_after_s={("xyz", "cnc"): 90_000.0})
+    assert (kinds(rare), rare["verdict"]["state"]) == ([], "waiting")
+
+
+def test_a_port_that_cannot_be_opened_hides_that_nobody_asks_on_it() -> None:
+    found = model(with_controllers(plc(None, state="down", failure="no such device")))
+    assert kinds(found) == [("error", "controller-port-closed", "line xyz, controller plc")]
+    assert found["troubles"][0]["what"] == "/dev/ttyS1 is not open: no such device"
+    assert words_of(found["axes"]["x"]) == ("error", "controller-port-closed", "No controller")
+
+
+def test_a_relay_of_an_older_release_says_nothing_of_controllers_and_misses_none() -> None:
+    old = {key: value for key, value in cnc().items() if key != "asked_s"}
+    found = model(with_controllers(old))
+    assert (kinds(found), found["verdict"]["state"]) == ([], "healthy")
+
+
+def test_the_worst_trouble_decides_and_an_axis_that_it_does_not_name_stays_healthy() -> None:
+    found = model(with_drive(SILENT, unit_id="2"), Outcome(rejected={"x": (REJECTED,)}))
+    assert {**found["verdict"], "since": ""} == {"state": "error", "since": "", "errors": 2, "warnings": 0}
+    assert words_of(found["axes"]["x"]) == ("error", "table-rejected", "Table refused")
+    only = model(supervisor={**WELL, "mqtt": {"problem": "refused"}})
+    assert (only["verdict"]["state"], words_of(only["axes"]["x"])[0]) == ("warning", "healthy")
+
+
+@pytest.mark.parametrize("part", ["configuration", "tables_folder", "state_folder"])
+def test_an_axis_hangs_on_what_the_supervisor_needs_for_its_table(part: str) -> None:
+    found = model(supervisor={**WELL, part: {"problem": "it is so"}})
+    assert words_of(found["axes"]["x"]) == ("warning", part, "")
+
+
+def test_without_a_supervisor_the_axes_are_not_healthy() -> None:
+    found = model(supervisor=None)
+    assert kinds(found) == [("warning", "supervisor-down", "supervisor")]
+    assert found["axes"]["x"]["verdict"]["state"] == "warning"
+
+
+def test_before_the_relay_was_heard_the_gateway_waits() -> None:
+    assert model(None, age_s=None)["verdict"]["state"] == "waiting"
+    assert model(None, is_up=False, age_s=None)["verdict"]["state"] == "error"
+
+
+def positions(*snapshots: dict[str, Any], wait_s: float = 0.0) -> dict[str, Any]:
+    """Return where axis x is called to be after these snapshots."""
+    chronicle = Chronicle()
+    for snapshot in snapshots:
+        chronicle.take(snapshot, time.monotonic() - wait_s)
+        wait_s = 0.0
+    found = whole_model(
+        "mill-1",
+        snapshots[-1],
+        is_relay_up=True,
+        snapshot_age_s=0.1,
+        tables={},
+        supervisor=WELL,
+        chronicle=chronicle,
+    )
+    position: dict[str, Any] = found["axes"]["x"]["position"]
+    return position
+
+
+READ = {"nominal_actual": 40.0, "corrected_actual": 40.25, "actual_age_s": 0.5}
+UNREAD = {"nominal_actual": None, "corrected_actual": None, "actual_age_s": None}
+
+
+def at(target: float | None, **changes: Any) -> dict[str, Any]:
+    corrected = None if target is None else target + 0.25
+    return with_axis(nominal_setpoint=target, corrected_setpoint=corrected, **changes)
+
+
+def test_where_an_axis_is_said_to_be_is_a_reading_or_says_what_else_and_how_old() -> None:
+    now = positions(at(40.0, **READ))
+    assert (now["of"], now["nominal"], now["corrected"]) == ("reading", 40.0, 40.25)
+    assert now["age_s"] == pytest.approx(0.5, abs=0.3)
+    # Nobody has read it for a minute; the target is older still.
+    last = positions(at(40.0, **READ), at(40.0, **UNREAD), wait_s=60.0)
+    assert (last["of"], last["nominal"], last["corrected"]) == ("last-reading", 40.0, 40.25)
+    assert last["age_s"] == pytest.approx(60.5, abs=0.3)
+    # A target that came after the last reading is nearer to the truth.
+    target = positions(at(40.0, **READ), at(70.0, **UNREAD), wait_s=60.0)
+    assert (target["of"], target["nominal"], target["corrected"]) == ("target", 70.0, 70.25)
+    assert (target["age_s"], target["is_at_least"]) == (pytest.approx(0.0, abs=0.3), False)
+    # A target that was there before anybody looked is as old as that, or older.
+    first = positions(at(70.0, **UNREAD), at(70.0, **UNREAD), wait_s=60.0)
+    assert (first["age_s"], first["is_at_least"]) == (pytest.approx(60.0, abs=0.3), True)
+    assert positions(at(None, **UNREAD))["of"] is None
+
+
+def test_in_shadow_mode_the_target_of_the_drive_is_that_of_the_controller() -> None:
+    assert positions(at(70.0, compensation="shadow", **UNREAD))["corrected"] == 70.0
+
+
+def test_what_a_silent_relay_read_last_is_no_reading() -> None:
+    snapshot = at(40.0, **READ)
+    assert model(snapshot)["axes"]["x"]["position"]["of"] == "reading"
+    assert model(snapshot, age_s=STALE_S + 0.1)["axes"]["x"]["position"]["of"] == "last-reading"
+
+
+def test_an_axis_that_is_well_again_is_healthy_since_then() -> None:
+    hours = [9]
+    chronicle = Chronicle(lambda: datetime(2026, 5, 1, hours[0], tzinfo=UTC))
+
+    def since(snapshot: dict[str, Any]) -> str:
+        found = whole_model(
+            "mill-1",
+            snapshot,
+            is_relay_up=True,
+            snapshot_age_s=0.1,
+            tables={},
+            supervisor=WELL,
+            chronicle=chronicle,
+        )
+        return str(found["axes"]["x"]["verdict"]["since"])
+
+    assert since(with_drive(ANSWERS)) == "2026-05-01T09:00:00+00:00"
+    hours[0] = 10
+    assert since(with_drive(ANSWERS)) == "2026-05-01T09:00:00+00:00"
+    since(with_drive(SILENT))
+    hours[0] = 11
+    assert since(with_drive(ANSWERS)) == "2026-05-01T11:00:00+00:00"

@@ -16,6 +16,7 @@ from gateway.tabfile import (
     explain,
     parse_table,
 )
+from tests.commands import typed
 from tests.tabfile.texts import Texts
 
 TABLES = Path(__file__).parents[2] / "tables" / "csv"
@@ -233,14 +234,29 @@ def test_what_a_spreadsheet_adds_is_named_with_what_to_do() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "shown"),
+    ("text", "shown", "header"),
     [
-        ("0,0.0,0.01\n10,0.01,0.02\n", "'0,0.0,0.01'"),
-        ("x,fwd,bwd\n0,0.0,0.01\n", "of 9 characters"),
-        ("Position;Vor;Zurueck\n0;0,0;0,01\n", "of 20 characters"),
+        ("0,0.0,0.01\n10,0.01,0.02\n", "'0,0.0,0.01'", "position_mm,forward_mm,backward_mm"),
+        ("x,fwd,bwd\n0,0.0,0.01\n", "of 9 characters", "position_mm,forward_mm,backward_mm"),
+        (
+            "Position;Vor;Zurueck\n0;0,0;0,01\n",
+            "of 20 characters",
+            "position_mm;forward_mm;backward_mm, or position_mm;correction_mm",
+        ),
     ],
 )
-def test_a_csv_without_our_header_is_told_the_header(text: str, shown: str) -> None:
+def test_a_csv_without_our_header_is_told_the_header(text: str, shown: str, header: str) -> None:
     said = str(refused(text))
     assert f"table.csv:1: a CSV whose first line, {shown}, is no header of a table" in said
-    assert "a header such as position_mm,forward_mm,backward_mm, or position_mm,correction_mm" in said
+    assert f"allowed: the first line {header}" in said
+    assert "pitch-gateway table template prints such a file" in said
+
+
+@pytest.mark.parametrize("options", [[], ["--semicolons"], ["--units", "inch"]])
+def test_the_template_is_a_table_to_fill_in(options: list[str]) -> None:
+    printed = typed("table", "template", *options)
+    assert printed.returncode == 0
+    assert set(parse(printed.stdout).table.forward) == {0.0}
+    separator = ";" if "--semicolons" in options else ","
+    filled = printed.stdout.replace(separator.join(("50", "0", "0")), separator.join(("50", "0.01", "0.02")))
+    assert explain(parse(filled), 50.0).backward.correction == 0.02

@@ -109,6 +109,8 @@ def test_interval_may_be_off_by_a_ten_thousandth() -> None:
         ("AXIS Z", "UNITS INCH", 2, "AXIS"),
         ("UNITS INCH", "UNITS FURLONG", 3, "INCH or MILLIMETER"),
         ("INTERVAL 0.5", "INTERVAL -0.5", 4, "above 0"),
+        ("INTERVAL 0.5", "INTERVAL 0,5", 4, "a distance above 0, with a decimal point: 0.5"),
+        ("-1.00000000", "-1,0", 8, "with a decimal point: -1.0"),
         ("INTERVAL 0.5", "INTERVAL 0.4", 7, "INTERVAL 0.4"),
         ("ENTRIES 9", "ENTRIES 1", 5, "at least 2"),
         ("ENTRIES 9", "ENTRIES 8", 14, "8, as ENTRIES on line 5"),

@@ -117,6 +117,19 @@ async def test_nobody_there_is_said_with_the_address(unused_tcp_port: int) -> No
             pass
 
 
+async def test_a_host_name_that_nobody_knows_is_said_with_what_to_do() -> None:
+    """The top level domain ``invalid`` is never given to anybody (RFC 6761, 6.4)."""
+    with pytest.raises(AbsentError) as caught:
+        async with ModbusMaster(TcpEndpoint("drives.invalid", 502)):
+            pass
+    said = str(caught.value)
+    assert said.startswith(
+        "drives.invalid:502 cannot be reached: the host name drives.invalid is not known ("
+    )
+    assert "/etc/hosts" in said
+    assert said.endswith("or write the IP address in its place")
+
+
 async def test_a_port_that_another_program_has_is_not_used(rig: Rig) -> None:
     endpoint = await rig.drive("rtu", Drive(lambda data: None))
     async with ModbusMaster(endpoint):

@@ -30,6 +30,8 @@ _KNOWN: Final = {"arrived", "stopped", "done-said", "seen-there", "may-have-left
 NOT_MET: Final[dict[str, str]] = {
     "event budget-kept": "the time budget is measured on a machine, not in a world",
     "event budget-overrun": "the time budget is measured on a machine, not in a world",
+    "event connection-renewed": "no world has a connection: all drives are at serial ports",
+    "event late-target": "what waits in these worlds waits for the silence of its own drive, and is answered",
     "event cut-through-off": "how ports hand bytes over is not learned in a world",
     "event late-reply": "late frames come while the line waits for silence anyway",
     "event stood-still": "told by the process that stood still",
@@ -67,6 +69,7 @@ NOT_MET: Final[dict[str, str]] = {
             "row drive-bit + loss + lost",
             "row drive-bit + set-at-rest + lost",
             "row drive-bit + set-moving + lost",
+            "row drive-bit + set-moving + untold-homing",
         ),
         NO_WAY,
     ),

@@ -571,6 +571,8 @@ class World:
         self._said: tuple[Said, ...] = ()
         """The same as the last event has left it; empty: that is not known."""
         ways: list[dict[str, int]] = [{}, {"remembered_paths": 0}] if design.is_twin else [{}]
+        self.reading_age_ns = 0
+        """How long the reply that was given last had been on its way."""
         self.sides = [
             self.side_of(each, self._tell if i == 0 else _tell_nobody) for i, each in enumerate(ways)
         ]
@@ -875,6 +877,7 @@ class World:
             return
         for side in self.sides:
             side.reply(wire.unit_id, reply, self.now_ns)
+        self.reading_age_ns = self.now_ns - wire.sent_ns
         self._collect(answered=wire, reply=reply)
 
     def _on_wait(self, _axis: int = 0) -> None:
@@ -1055,6 +1058,7 @@ class World:
         if wire is not None:
             self.state = self.state._replace(wire=None)
             facts.unanswered(self, wire, is_cut=True)
+            rules.may_stay_unasked(self, facts.number_of(self, wire.unit_id))
         facts.link_lost(self, set() if wire is None else {wire.unit_id})
         self._call("link_down", self.now_ns)
         self._collect()

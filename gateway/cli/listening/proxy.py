@@ -15,6 +15,7 @@ from gateway.modbus.mbap import MbapDecoder
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.stopping import all_made, stop_serving
+from gateway.transport.tcp import why_not_reached
 
 CHUNK_BYTES: Final = 4096
 CONNECT_S: Final = 5.0
@@ -118,9 +119,9 @@ class Proxy:
         try:
             async with asyncio.timeout(CONNECT_S):
                 to_drive, from_us = await asyncio.open_connection(self._far.host, self._far.port)
-        except (OSError, TimeoutError) as error:
-            why = getattr(error, "strerror", None) or "nobody answers"
-            self._say(f"{self._far} cannot be reached: {why}; the connection of {peer[0]} is closed")
+        except OSError as error:
+            why = why_not_reached(self._far, error)
+            self._say(f"{why}; the connection of {peer[0]} is closed")
             return
         self._say(f"{peer[0]} is connected")
         conversation = RtuConversation() if self._far.rtu else MbapConversation()

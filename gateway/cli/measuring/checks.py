@@ -192,9 +192,16 @@ def check_range(link: AxisLink, stops: Sequence[Stop], *, is_corrected: bool) ->
     for stop in stops:
         if not low <= stop.nominal <= high:
             what = "target" if stop.measure else "turn-around point (--overrun)"
+            overrun = min(
+                abs(turn.nominal - target.nominal)
+                for turn in stops
+                for target in stops
+                if target.measure and not turn.measure
+            )
             raise AxisError(
                 f"the {what} {stop.nominal:.9g} is outside travel = [{low:.9g}, {high:.9g}] {units}: give "
-                "--from, --to and --overrun that fit"
+                f"--from {low + overrun:.9g} or more and --to {high - overrun:.9g} or less, or a smaller "
+                "--overrun"
             )
         link.packed(stop.nominal)
     if not is_corrected or plan.table is None:

@@ -92,6 +92,15 @@ Out = Annotated[Path | None, Option("--out", help="Write the table to this file.
 OutFormat = Annotated[
     str | None, Option("--out-format", help="Dialect of --out; default: the active table's, or csv.")
 ]
+TableStep = Annotated[
+    float | None,
+    Option(
+        "--table-step",
+        help="An even grid for the new table, over the whole travel: for a format that begins at home. "
+        "Default: --step, where the table cannot be written at the targets.",
+        show_default=False,
+    ),
+]
 Force = Annotated[bool, Option("--force", help="Replace the file of --out and of --report.")]
 ReportFile = Annotated[Path | None, Option("--report", help="Write a report: .html, .png or .svg.")]
 Before = Annotated[

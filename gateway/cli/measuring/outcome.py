@@ -37,6 +37,7 @@ from gateway.metrology.lead import Period
 from gateway.metrology.readings import Survey
 from gateway.metrology.recipe import Built, Recipe, build_from
 from gateway.metrology.refine import Refined, refine_table
+from gateway.metrology.resample import grid_positions
 from gateway.metrology.residue import predicted_residue
 from gateway.metrology.scale import scale_of
 from gateway.metrology.shapes import Fit, LeftOut
@@ -79,11 +80,13 @@ def outcome_of(
     *,
     is_active: bool,
     periods: tuple[Period, ...] = (),
+    step: float | None = None,
     accepts: Callable[[CorrectionTable], bool] | None = None,
 ) -> Outcome:
     """Evaluate the readings and make the table of them, along the curve that leaves least between targets.
 
-    ``periods`` are what the error may repeat with, ``accepts`` says whether the format can hold a table.
+    ``periods`` are what the error may repeat with. ``step`` lays an even grid over the travel, for a new
+    table. ``accepts`` says whether the format can hold a table.
 
     Raises:
         MeasureError: they make no table.
@@ -108,7 +111,14 @@ def outcome_of(
             done: Refined | Built = refined
             left_out = refined.left_out
         else:
-            recipe = Recipe(home=_home(axis, survey), fit=Fit.AUTO, periods=periods, accepts=accepts)
+            recipe = Recipe(
+                home=_home(axis, survey, is_over_travel=step is not None),
+                fit=Fit.AUTO,
+                periods=periods,
+                accepts=accepts,
+                step=step,
+                travel=axis.settings.travel if step is not None else None,
+            )
             built = done = build_from(survey, recipe)
             left_out = None if built.screw is None else built.screw.left_out(built.table)
     except (ReadingsError, TableError) as error:
@@ -131,10 +141,12 @@ def largest_change(old: CorrectionTable, new: CorrectionTable, axis: AxisPlan) -
     return max(changes, key=lambda change: abs(change.amount))
 
 
-def _home(axis: AxisPlan, survey: Survey) -> HomeReference | None:
-    """Where the correction is 0: machine position 0, as homing arrives there, if that was measured."""
-    targets = [reading.target for reading in survey.readings]
-    if not axis.settings.home_approach or not min(targets) <= 0.0 <= max(targets):
+def _home(axis: AxisPlan, survey: Survey, *, is_over_travel: bool = False) -> HomeReference | None:
+    """Where the correction is 0: machine position 0, as homing arrives there, if the table reaches it."""
+    reach = [reading.target for reading in survey.readings]
+    if is_over_travel and axis.settings.travel is not None:
+        reach += axis.settings.travel
+    if not axis.settings.home_approach or not min(reach) <= 0.0 <= max(reach):
         return None
     return HomeReference(0.0, Direction(axis.settings.home_approach))
 
@@ -236,9 +248,33 @@ def check_writable(
         dialect_named(format_name).write(table, write_options_of(section, axis.name))
     except (TabFileError, TableError) as error:
         raise FileError(
-            f"--out: a table at these targets cannot be written as {format_name}: {error}; give another "
-            "--out-format, or --step instead of --targets"
+            f"--out: a table at {positions[0]:.9g} to {positions[-1]:.9g} cannot be written as {format_name}"
+            f": {error}; give --table-step, an even grid over the travel, or another --out-format"
         ) from None
+
+
+def is_writable(format_name: str, positions: Sequence[float], axis: AxisPlan, section: AxisSection) -> bool:
+    """Whether :func:`check_writable` would let it pass."""
+    try:
+        check_writable(format_name, positions, axis, section)
+    except FileError:
+        return False
+    return True
+
+
+def points_of(targets: Sequence[float], step: float | None, axis: AxisPlan) -> Sequence[float]:
+    """Return the points of a new table: the targets, or the multiples of a step in the whole travel.
+
+    Raises:
+        FileError: a step of which less than two multiples lie in it.
+    """
+    if step is None:
+        return targets
+    assert axis.settings.travel is not None, "check_range wants one"
+    try:
+        return grid_positions(step, axis.settings.travel, axis.settings.units)
+    except ReadingsError as error:
+        raise FileError(f"--table-step: {error}") from None
 
 
 def can_hold(format_name: str, table: CorrectionTable, axis: AxisPlan, section: AxisSection) -> bool:

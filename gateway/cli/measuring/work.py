@@ -61,6 +61,7 @@ class Wish:
     resume: Path | None
     out: Path | None
     out_format: str | None
+    table_step: float | None
     report: Path | None
     before: Path | None
     force: bool
@@ -111,6 +112,8 @@ class _Work:
         self._lead = section.lead if wish.grid.lead is None else wish.grid.lead
         self._periods = _periods(self._lead)
         self._earlier: Earlier | None = None
+        self._table_step: float | None = None
+        """Of the new table's even grid; None: its points are the targets."""
         self._before = None if wish.before is None else outcome.survey_before(wish.before, self._axis)
 
     def run(self, instrument: Instrument, manners: Manners, lines: Lines) -> int:
@@ -121,10 +124,7 @@ class _Work:
         left = remaining(stops, len(done))
         seen = asyncio.run(look(self._place, plan, stops, self._status))
         self._check_same(seen)
-        if self._wish.out is not None:
-            old = self._axis.table if seen.compensation.is_active else None
-            positions = plan.targets if old is None else old.positions
-            outcome.check_writable(self._out_format, positions, self._axis, self._section)
+        self._choose_points(plan, seen)
         if not left:
             return self._finish(self._wish.resume, seen)
         for text in preview(
@@ -168,6 +168,25 @@ class _Work:
                 f"{self._wish.resume}: was measured with compensation {was}, and now it is "
                 f"{seen.compensation.fact}: bring it back, or measure anew"
             )
+
+    def _choose_points(self, plan: MeasuringPlan, seen: Seen) -> None:
+        """Choose the points of the new table before the work. Raises FileError: it could not be written."""
+        wish, axis, section = self._wish, self._axis, self._section
+        if seen.compensation.is_active and axis.table is not None:
+            if wish.table_step is not None:
+                raise FileError("--table-step: the table in use is refined at its own points: leave it out")
+            if wish.out is not None:
+                outcome.check_writable(self._out_format, axis.table.positions, axis, section)
+            return
+        self._table_step = wish.table_step
+        if wish.out is None or outcome.is_writable(
+            self._out_format, outcome.points_of(plan.targets, self._table_step, axis), axis, section
+        ):
+            return
+        if self._table_step is None:
+            self._table_step = wish.grid.step
+        points = outcome.points_of(plan.targets, self._table_step, axis)
+        outcome.check_writable(self._out_format, points, axis, section)
 
     def _status(self) -> Mapping[str, Any]:
         """Return the status of the gateway that runs CONFIG. Raises AxisError: none does."""
@@ -242,6 +261,7 @@ class _Work:
             survey = outcome.survey_of(path, self._axis)
             found = outcome.outcome_of(
                 survey, self._axis, is_active=seen.compensation.is_active, periods=self._periods,
+                step=self._table_step,
                 accepts=lambda table: outcome.can_hold(self._out_format, table, self._axis, self._section),
             )  # fmt: skip
             notes = []

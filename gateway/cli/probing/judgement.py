@@ -1,15 +1,16 @@
 """What readings of a standing axis tell about its register map and its numbers. Nothing is asked here."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final
 
-from gateway.cli.probing.readings import AxisReadings, OnWrongCrc, Place, Reading
+from gateway.cli.probing.readings import LAST_UNIT_ID, AxisReadings, OnWrongCrc, Place, Reading
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.settings import AxisSettings
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import ALARM_BIT, DONE_BIT, HOMED_BIT, MOVING_BIT, AxisPlan, Reference
+from gateway.metrology.scale import TRIAL_MOVE
 from gateway.modbus.registers import PositionField, WordOrder
 
 FORBID: Final = "write checks_crc = false into its registers, so that nothing is cut through to it"
@@ -84,6 +85,7 @@ def findings_of(found: AxisReadings) -> list[Finding]:
         *_order_untold(found),
         *_agreement(found),
         *_steadiness(found),
+        *_scale(found),
         *_unit_ids(found),
         *_check_sums(found),
     ]
@@ -129,8 +131,9 @@ def _answers(found: AxisReadings) -> Iterator[Finding]:
     if found.readings and not found.answers:
         problem = next(iter(found.readings.values())).problem
         yield _error(
-            f"unit id {found.plan.unit_id} does not answer: {problem}; check that the drive is on, its unit "
-            "id, and on a serial line baud rate, parity, wiring A/B and termination"
+            f"no drive answers as unit id {found.plan.unit_id} here: {problem}; {_who_answers(found)}; check "
+            "that the drive is on, its unit id, and on a serial line baud rate, parity, wiring A/B and "
+            "termination"
         )
         return
     for reading in found.readings.values():
@@ -141,6 +144,27 @@ def _answers(found: AxisReadings) -> Iterator[Finding]:
         yield _warning("no actual position is mapped: the gateway cannot see where the axis is")
     for why in found.left_out:
         yield _warning(why)
+
+
+def _who_answers(found: AxisReadings) -> str:
+    if found.answering is None:
+        return "pitch-gateway probe --scan tells which unit ids do"
+    if not found.answering:
+        return "no other does either"
+    return f"{said_ids(found.answering)} instead"
+
+
+def said_ids(answering: Sequence[int]) -> str:
+    """Say which unit ids answer.
+
+    >>> said_ids([1, 3]), said_ids([2])
+    ('unit ids 1, 3 answer', 'unit id 2 answers')
+    """
+    if len(answering) == 1:
+        return f"unit id {answering[0]} answers"
+    if len(answering) == LAST_UNIT_ID:
+        return f"all unit ids from 1 to {LAST_UNIT_ID} answer, for the drive does not look at them"
+    return f"unit ids {', '.join(map(str, answering))} answer"
 
 
 def _bits(found: AxisReadings) -> Iterator[Finding]:
@@ -292,6 +316,26 @@ def _steadiness(found: AxisReadings) -> Iterator[Finding]:
             f"{first.place} changed by {moved:.10g} {found.plan.settings.units.value} between two readings: "
             "the axis moves, or hysteresis is smaller than its jitter"
         )
+
+
+def _scale(found: AxisReadings) -> Iterator[Finding]:
+    """What a person has to compare: no single place of an axis tells a scale that is wrong by ten."""
+    actual, settings = found.of("actual"), found.plan.settings
+    if actual is None or actual.raw is None or settings.travel is None:
+        return
+    units, counts = settings.units.value, settings.counts_per_unit
+    here = position_of(found.plan, actual).corrected
+    if not _is_inside(settings, here):
+        return  # said already
+    low, high = sorted(settings.zero_counts + end * counts for end in settings.travel)
+    field = actual.place.field
+    assert field is not None
+    yield _note(
+        f"{actual.place} reads {counts_of(field, actual.raw):.10g} counts, and travel is {low:.10g} to "
+        f"{high:.10g} counts: is the axis really at {here:.6g} {units}? A counts_per_unit that is wrong by "
+        f"ten looks good here too; prove it by a move of {TRIAL_MOVE[settings.units]:g} {units}, which "
+        "pitch-gateway signtest --moved judges"
+    )
 
 
 def _unit_ids(found: AxisReadings) -> Iterator[Finding]:

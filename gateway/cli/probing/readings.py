@@ -1,6 +1,6 @@
 """Reading what a register map names, as the gateway itself would read it, and nothing else."""
 
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from math import isfinite
@@ -15,6 +15,10 @@ from gateway.modbus.registers import BitField, FieldAccess, PositionField
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import NoReplyError, OtherIdError
 
+NOBODY: Final = frozenset(
+    {ExceptionCode.GATEWAY_PATH_UNAVAILABLE, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND}
+)
+"""A converter or server says by them that it reaches no drive (application protocol V1.1b3, section 7)."""
 LAST_UNIT_ID: Final = 247
 """Of one device: Modbus over serial line V1.02, section 2.2."""
 RETURNED: Final = 2
@@ -68,6 +72,7 @@ class Reading:
     words: bytes = b""
     problem: str = ""
     is_silent: bool = False
+    """No drive answered: nothing came, or somebody else said that there is none."""
     instead: str = ""
     """What the drive did in the place of an answer."""
     is_refused: bool = False
@@ -106,6 +111,8 @@ class AxisReadings:
     """A unit id that nothing is known of, where it was asked."""
     on_wrong_crc: OnWrongCrc | None = None
     """None: it was not asked so."""
+    answering: tuple[int, ...] | None = None
+    """The unit ids of its line that answer; None: they were not looked for."""
     echoes: str = ""
     """Where what is sent comes back and nobody said so: that, and what to do."""
     left_out: list[str] = field(default_factory=list)
@@ -151,6 +158,39 @@ async def read_axis(master: Asking, plan: AxisPlan) -> AxisReadings:
     if actual is not None:
         found.again = await _read(master, axis, actual.place)
     return found
+
+
+async def scan(master: Asking, line: LinePlan, found: Sequence[AxisReadings]) -> tuple[int, ...]:
+    """Return the unit ids from 1 to 247 that answer one read each, and keep them in ``found``.
+
+    What is read is the first register of the first axis that may be read. A drive that has no such register
+    refuses it, which is an answer too. Axes with ``safe_read = false`` are left alone.
+    """
+    first = next(((axis, place) for axis in line.axes for place in places_of(axis)), None)
+    if first is None:
+        return ()
+    frame = frame_of(Axis(first[0]), first[1])
+    untouchable = {axis.unit_id for axis in line.axes if not axis.safe_read}
+    answering = tuple(
+        [
+            unit_id
+            for unit_id in range(1, LAST_UNIT_ID + 1)
+            if unit_id not in untouchable and await _is_there(master, unit_id, frame.pdu)
+        ]
+    )
+    for each in found:
+        each.answering = answering
+    return answering
+
+
+async def _is_there(master: Asking, unit_id: int, pdu: bytes) -> bool:
+    try:
+        reply = await master.exchange(unit_id, pdu)
+    except OtherIdError:
+        return True
+    except NoReplyError:
+        return False
+    return not _is_nobody(reply)
 
 
 async def ask_unused_unit(master: Asking, line: LinePlan, found: AxisReadings) -> None:
@@ -230,6 +270,8 @@ async def _read(master: Asking, axis: Axis, place: Place) -> Reading:
         return Reading(place, problem=str(error), instead=str(error))
     except NoReplyError as error:
         return Reading(place, problem=str(error), is_silent=True)
+    if _is_nobody(reply):
+        return Reading(place, problem=_exception(reply), is_silent=True)
     if is_exception(reply):
         why = f"the drive refuses to be read there: {_exception(reply)}"
         return Reading(place, problem=why, is_refused=True)
@@ -249,6 +291,10 @@ def frame_of(axis: Axis, place: Place) -> AddedFrame:
         return read_field(axis, Purpose.ACTUAL, place.field)
     assert place.bit is not None
     return read_bit(axis, Purpose.STANDING, place.bit)
+
+
+def _is_nobody(reply: bytes) -> bool:
+    return is_exception(reply) and reply[-1] in NOBODY
 
 
 def _exception(reply: bytes) -> str:

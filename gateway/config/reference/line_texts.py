@@ -218,6 +218,15 @@ CONTROLLERS: Final[Texts] = {
         meaning="a connection that sent no whole request for so long is closed. Not with `rtu`",
         default="never",
     ),
+    "silent_after_s": Said(
+        meaning=(
+            "after so many seconds without a request of this controller its axes are not healthy any more: "
+            "page, `status`, MQTT and metrics say since when (troubles `controller-absent`, "
+            "`controller-silent`). Set it longer than the controller ever stays away: `90000` for one that "
+            "comes once a day. `0`: it comes and goes, and nobody misses it. A reload takes it over"
+        ),
+        default="5 for the motion controllers of a line together: one that asks is enough. Others: `0`",
+    ),
     "allow": Said(
         meaning=(
             'who may connect, as in `["192.168.0.0/24", "fd00::/8"]`; with `[]` whoever reaches the '

@@ -38,16 +38,16 @@ HTTP: Final[Texts] = {
     "listen": Said(
         meaning=(
             "address of the page and of everything else that is served over HTTP ([http](http.md)); "
-            '`""`: none over TCP. `[::]` takes IPv6 connections alone. Read-only'
+            '`""`: none over TCP. `[::]` takes IPv6 connections alone. Changes nothing at the machine'
         ),
         kind='`"HOST:PORT"`, `"[IPv6]:PORT"` or `""`',
     ),
     "tokens": Said(
         meaning=(
             '`[{ name = "prometheus", file = "prometheus.token" }]`: with one of these tokens somebody may '
-            "look. `name` is for the "
-            "log, `file` holds the token on one line and nothing else; `pitch-gateway token FILE` makes "
-            "one. Files are read again when "
+            "look; with `acknowledge = true` he may also acknowledge alarms "
+            "([http](http.md#post-acknowledge)). `name` is for the log, `file` holds the token on one "
+            "line and nothing else; `pitch-gateway token FILE` makes one. Files are read again when "
             "they change. Asked for over TCP everywhere, this machine included, never on the Unix socket"
         ),
         kind="list of tables, 16 at most",

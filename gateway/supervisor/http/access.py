@@ -107,6 +107,10 @@ class Access:
         """Return how long a session will still be; None: it is none."""
         return None if visitor.session is None else visitor.session.ends_s - self._clock_s()
 
+    def may_acknowledge(self, visitor: Visitor) -> bool:
+        """Whether a visitor may acknowledge alarms: by a token that has the right, never by a certificate."""
+        return visitor.how != "certificate" and self._tokens.may_acknowledge(visitor.name)
+
     def is_still_in(self, visitor: Visitor) -> bool:
         """Whether somebody who was let in would be let in again."""
         if visitor.how == "certificate":

@@ -20,11 +20,13 @@ from gateway.supervisor.http.door import Door
 from gateway.supervisor.http.entrance import Entrance
 from gateway.supervisor.http.event_stream import MEDIA_TYPE, EventStream, Models, Wish
 from gateway.supervisor.http.frames import Frames
+from gateway.supervisor.http.histories import Histories
 from gateway.supervisor.http.metrics import Metrics
 from gateway.supervisor.http.page_files import PageFile, read_page
 from gateway.supervisor.http.streaming import EndlessResponse
 from gateway.supervisor.http.tables import Tables
 from gateway.supervisor.http.window import Window
+from gateway.supervisor.verdict import State
 
 PATHS: Final = (
     "/",
@@ -39,9 +41,9 @@ PATHS: Final = (
     "/session",
 )
 LOCAL_PATHS: Final = (*PATHS, "/reload")
-ASKING_PATHS: Final = (*PATHS, "/login", "/logout")
+ASKING_PATHS: Final = (*PATHS, "/login", "/logout", "/acknowledge")
 """Where it is asked who looks."""
-POSTS: Final = frozenset(("/reload", "/login", "/logout"))
+POSTS: Final = frozenset(("/reload", "/login", "/logout", "/acknowledge"))
 NOTHING_YET: Final = "nothing is known yet: the supervisor has just been started"
 Answer = Callable[[Request], Awaitable[Response]]
 
@@ -55,6 +57,7 @@ class Served:
         self._metrics = Metrics(window.feeds)
         self._tables = Tables(window)
         self._frames = Frames(window)
+        self._histories = Histories(window)
         self._complaints = Complaints(lambda what: window.say(HTTP_FAILED, detail=what))
         self._page: Mapping[str, PageFile] = read_page()
 
@@ -64,7 +67,7 @@ class Served:
 
     def application(self, door: Door, there_is: Sequence[str], access: Access | None = None) -> Starlette:
         """Return the application of one listener; ``door`` counts those who stay, ``access`` knows them."""
-        entrance = Entrance(access)
+        entrance = Entrance(access, self._window)
         answers: dict[str, Answer] = {
             "/": self._index,
             "/status": self._status,
@@ -72,13 +75,14 @@ class Served:
             "/metrics": self._metrics_page,
             "/events": _Events(self._window, self._models, door, access).answer,
             "/tables/NAME": self._tables.answer,
-            "/history/NAME": self._history,
+            "/history/NAME": self._histories.answer,
             "/frames/NAME": self._frames.answer,
             "/page/NAME": self._page_file,
             "/reload": self._reload,
             "/session": entrance.session,
             "/login": entrance.log_in,
             "/logout": entrance.log_out,
+            "/acknowledge": entrance.acknowledge,
         }
 
         async def missing(request: Request, _error: Exception) -> Response:
@@ -120,22 +124,19 @@ class Served:
         model = self._window.feeds.model
         return problem(503, NOTHING_YET) if model is None else raw_json(self._models.encoded(model))
 
-    async def _history(self, request: Request) -> Response:
-        name: str = request.path_params["name"]
-        found = self._window.history(name)
-        if found is None:
-            model = self._window.feeds.model
-            names = [f"/history/{axis}" for axis in (model["axes"] if model else ())]
-            return not_there(f"/history/{shortened(name)}", names)
-        return json_answer(found)
-
     async def _healthz(self, request: Request) -> Response:
-        reasons = why_unhealthy(self._window.feeds.model)
+        """Answer 200 as long as commands reach the drives; the text is the verdict, with what is wrong."""
+        model = self._window.feeds.model
+        reasons = why_unhealthy(model)
         if reasons and is_stranger(request):
             return problem(503, "not well; whoever shows a token is told why")
-        if reasons:
+        if reasons or model is None:
             return json_answer({"problems": reasons}, 503)
-        return PlainTextResponse("ok\n", headers=NO_STORE)
+        state = model["verdict"]["state"]
+        lines = ["ok" if state == State.HEALTHY.value else state]
+        if not is_stranger(request):
+            lines += [f"{each['severity']}: {each['where']}: {each['what']}" for each in model["troubles"]]
+        return PlainTextResponse("".join(f"{line}\n" for line in lines), headers=NO_STORE)
 
     async def _metrics_page(self, request: Request) -> Response:
         body, media_type = self._metrics.page(request.headers.get("accept", ""))

@@ -19,6 +19,7 @@ from gateway.catalogue.counters import meaning
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.supervisor.book import FileState
 from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.verdict import State
 
 US_PER_S: Final = 1e6
 TABLE_STATES: Final = (*(state.value for state in FileState), "none")
@@ -111,11 +112,22 @@ def _of_gateway(model: Mapping[str, Any]) -> Iterator[Metric]:
         if gateway[key] is not None:
             gauge.add_metric((), gateway[key])
         yield gauge
+    yield _verdict("verdict", "How the gateway is: 1 at its word.", {(): model["verdict"]})
     good = _gauge("component_ok", "Whether a part of the supervisor has no problem: 1 or 0.", ["component"])
     for component in COMPONENTS:
         good.add_metric((component,), not model["supervisor"][component]["problem"])
     yield good
     yield from _of_troubles(model["troubles"])
+
+
+def _verdict(
+    rest: str, says: str, verdicts: Mapping[tuple[str, ...], Mapping[str, Any]], labels: Iterable[str] = ()
+) -> Metric:
+    family = _gauge(rest, says, [*labels, "state"])
+    for of, verdict in verdicts.items():
+        for state in State:
+            family.add_metric((*of, state.value), state.value == verdict["state"])
+    return family
 
 
 def _of_troubles(troubles: Iterable[Mapping[str, Any]]) -> Iterator[Metric]:
@@ -163,6 +175,11 @@ def _of_lines(lines: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[
     wire = _counter("line_wire_seconds", "Time that bytes took on the wire of the drives.", ["line"])
     added = _counter("line_added_frames_seconds", "Time that frames of the gateway's own took.", ["line"])
     connected = _gauge("controller_connections", "Connections of a controller.", ["line", "controller"])
+    silent = _gauge(
+        "controller_silent_seconds",
+        "For how long a controller has asked for nothing.",
+        ["line", "controller"],
+    )
     for name, line in lines.items():
         up.add_metric((name,), line["state"] == "up")
         wire.add_metric((name,), line["wire_s"])
@@ -171,7 +188,9 @@ def _of_lines(lines: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[
             of_port = int(controller.get("state") == "up")
             count = len(controller["connections"]) if "connections" in controller else of_port
             connected.add_metric((name, controller["name"]), count)
-    yield from (up, wire, added, connected)
+            if "silent_s" in controller:  # a relay of an older release does not say
+                silent.add_metric((name, controller["name"]), controller["silent_s"])
+    yield from (up, wire, added, connected, silent)
     yield from _of_drives(lines)
     yield from _of_ports(lines)
     yield from _of_cut_through(lines)
@@ -263,6 +282,8 @@ def _latency(
 
 
 def _of_axes(axes: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[Metric]:
+    verdicts: dict[tuple[str, ...], Any] = {(name,): axis["verdict"] for name, axis in axes.items()}
+    yield _verdict("axis_verdict", "How an axis is: 1 at its word.", verdicts, ["axis"])
     yield from _positions(axes)
     for rest, says, states, found in (
         (

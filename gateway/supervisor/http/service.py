@@ -66,15 +66,15 @@ class HttpService:
         self._now = now
         self._endings = Endings(lambda event, fields: window.say(event, None, **fields), "http.tls")
 
-    def configure(self, section: HttpSection, folder: Path) -> None:
-        """Serve as a configuration says from now on; the same as before changes nothing.
+    def configure(self, section: HttpSection, gateway: str, folder: Path) -> None:
+        """Serve as the configuration of a gateway says from now on; the same as before changes nothing.
 
         A section that was read anew has the files that it names looked at anew.
         """
         if section is self._section:
             return
         self._section = section
-        wanted = wanted_by(section, folder)
+        wanted = wanted_by(section, gateway, folder)
         if wanted != self._wanted:
             self._wanted = wanted
             self._changed.set()

@@ -70,6 +70,10 @@ class Tokens:
                 found = file.section.name
         return found
 
+    def may_acknowledge(self, name: str) -> bool:
+        """Whether the token of a name has the right to acknowledge alarms."""
+        return any(file.section.name == name and file.section.acknowledge for file in self._files)
+
     def digest_of(self, name: str) -> bytes:
         """Return what the token of a name is known by; empty where there is none."""
         return next((file.digest for file in self._files if file.section.name == name), b"")

@@ -18,6 +18,8 @@ class Wanted:
     endpoint: TcpEndpoint
     tokens: tuple[TokenSection, ...]
     tls: HttpTlsSection | None
+    gateway: str
+    """Its name."""
     folder: Path
     """That the files are relative to."""
     seen: tuple[tuple[int, int, int] | None, ...]
@@ -35,8 +37,11 @@ class Wanted:
 
     @property
     def cookie(self) -> str:
-        """Name of a session's cookie, with the port: gateways of one machine share a browser's cookies."""
-        return f"{'' if self.tls is None else '__Host-'}pitch-gateway-{self.endpoint.port}"
+        """Name of a session's cookie: a browser has one store for all gateways behind one host.
+
+        On one machine they differ by port, behind one proxy by name.
+        """
+        return f"{'' if self.tls is None else '__Host-'}pitch-gateway-{self.gateway}-{self.endpoint.port}"
 
     def context(self) -> ssl.SSLContext | None:
         """Return what TLS needs, None without; blocks. Raises NamedFileError."""
@@ -62,13 +67,17 @@ class Wanted:
         )
 
 
-def wanted_by(section: HttpSection, folder: Path) -> Wanted | None:
-    """Return what a section wants; its files are relative to ``folder``. None: no page over TCP."""
+def wanted_by(section: HttpSection, gateway: str, folder: Path) -> Wanted | None:
+    """Return what a section wants for the gateway of that name; None: no page over TCP.
+
+    Its files are relative to ``folder``.
+    """
     endpoint, tls = section.endpoint, section.tls
     if endpoint is None:
         return None
     files = () if tls is None else (tls.certificate, tls.key, tls.clients, tls.revoked)
-    return Wanted(endpoint, section.tokens, tls, folder, tuple(_look_at(file, folder) for file in files))
+    seen = tuple(_look_at(file, folder) for file in files)
+    return Wanted(endpoint, section.tokens, tls, gateway, folder, seen)
 
 
 def _look_at(file: str | None, folder: Path) -> tuple[int, int, int] | None:

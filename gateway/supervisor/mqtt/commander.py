@@ -1,7 +1,14 @@
-"""Taking commands off one connection, and answering each of them."""
+"""Taking commands as they come, carrying them out one after the other, and answering each of them.
+
+Nothing is dropped in silence: what comes too fast is counted, and its last one named. A command to switch
+compensation off is never one of those.
+"""
 
 import asyncio
+import contextlib
 import shlex
+from collections import deque
+from dataclasses import dataclass
 from typing import Final
 
 import aiomqtt
@@ -18,6 +25,7 @@ from gateway.supervisor.mqtt.commands import (
     Answer,
     Orders,
     carry_out,
+    disabled_axes,
     shown_payload,
 )
 from gateway.supervisor.mqtt.messages import encode
@@ -33,13 +41,40 @@ TELL_AFTER_S: Final = 2.0
 """So long after a command that came too soon is told what became of it and of those after it."""
 
 
+MANY_WAITING: Final = 64
+"""Where so many wait, a command to switch off is not kept twice."""
+MOST_WAITING: Final = 1024
+"""More wait only where as many commands to switch off name different axes."""
+
+
+@dataclass(slots=True)
+class _Waiting:
+    """A command that came and is not answered yet."""
+
+    client: aiomqtt.Client
+    message: aiomqtt.Message
+    command: str
+    disables: frozenset[str] | None
+    """The axes that it switches off; None for every other command."""
+    missed: int = 0
+    """So many before it were not carried out, and no answer has said so."""
+    repeated: int = 0
+    """So many others it stands for."""
+    answer: Answer | None = None
+    """Where it is known before its turn."""
+
+    @property
+    def shown(self) -> str:
+        return f"{self.command[:64]} {shown_payload(self.message.payload)}".strip()
+
+
 class Commander:
     """Listens for commands; outlives connections."""
 
     def __init__(self, topics: Topics, orders: Orders, say: Say) -> None:
-        self.is_idle = asyncio.Event()
-        """Set unless a command is being carried out."""
-        self.is_idle.set()
+        self._waiting: deque[_Waiting | asyncio.Event] = deque()
+        """In the order in which they came; an event is set when all before it have been answered."""
+        self._has_more = asyncio.Event()
         self._topics = topics
         self._orders = orders
         self._say = say
@@ -56,27 +91,77 @@ class Commander:
             return None
         return f"the broker does not let the gateway read {self._topics.commands}: allow it in its ACL"
 
-    async def take(self, client: aiomqtt.Client, message: aiomqtt.Message) -> None:
-        """Carry out what a message asks for, and answer it."""
-        self.is_idle.clear()
-        try:
-            await self._take(client, message)
-        finally:
-            self.is_idle.set()
-
-    async def _take(self, client: aiomqtt.Client, message: aiomqtt.Message) -> None:
+    def take(self, client: aiomqtt.Client, message: aiomqtt.Message) -> None:
+        """Have a command carried out in its turn, or say that it is not. Does not block."""
         command = self._topics.command_in(message.topic.value)
         if message.retain:
             self._ignore_retained(command, message.topic.value)
             return
-        missed = self._allowance.ignored
-        if not self._allowance.takes(asyncio.get_running_loop().time()):
-            self._note_too_many(f"{command[:64]} {shown_payload(message.payload)}".strip())
-            if not missed:  # one answer for all that follow
+        axes = disabled_axes(command, message.payload)
+        entry = _Waiting(client, message, command, axes, missed=self._allowance.ignored)
+        if axes is not None and (same := self._same_waiting(axes)) is not None:
+            same.repeated += 1
+        elif axes is not None and len(self._waiting) < MOST_WAITING:
+            self._allowance.ignored = 0
+            self._wait(entry)
+        elif axes is None and self._allowance.takes(asyncio.get_running_loop().time()):
+            self._wait(entry)
+        else:
+            self._note_too_many(entry.shown)
+            if axes is None and not entry.missed:  # one answer for all that follow
                 text = f"more than {BURST} at once and {PER_S:g} a second: this and what follows is ignored"
-                await self._answer(client, message, Answer(command[:64], None, problems=(text,)))
-            return
-        await self._answer(client, message, await carry_out(command, message.payload, self._orders), missed)
+                entry.answer = Answer(command[:64], None, problems=(text,))
+                self._wait(entry)
+
+    async def run(self) -> None:
+        """Carry out what waits, until cancelled; what waits then is told of as not carried out."""
+        try:
+            while True:
+                await self.carry_out_waiting()
+                await self._has_more.wait()
+                self._has_more.clear()
+        finally:
+            for each in self._waiting:
+                if isinstance(each, _Waiting) and each.answer is None:
+                    self._note_too_many(each.shown)
+            self._tell_of_too_many()
+
+    async def carry_out_waiting(self) -> None:
+        """Carry out and answer what waits, in the order in which it came."""
+        while self._waiting:
+            each = self._waiting.popleft()
+            if isinstance(each, asyncio.Event):
+                each.set()
+                continue
+            answer = each.answer
+            if answer is None:
+                answer = await carry_out(each.command, each.message.payload, self._orders)
+            await self._answer(each, answer)
+
+    async def finish(self) -> None:
+        """Wait until what waits now has been answered."""
+        done = asyncio.Event()
+        self._wait(done)
+        await done.wait()
+
+    def _wait(self, entry: "_Waiting | asyncio.Event") -> None:
+        self._waiting.append(entry)
+        self._has_more.set()
+
+    def _same_waiting(self, axes: frozenset[str]) -> "_Waiting | None":
+        """Return the disable that stands for one more of the same axes, where many wait.
+
+        None where something else waits behind it: that may switch on again what is to be off.
+        """
+        if len(self._waiting) < MANY_WAITING:
+            return None
+        for each in reversed(self._waiting):
+            if isinstance(each, _Waiting) and each.disables != axes:
+                if each.disables is None:
+                    return None
+            elif isinstance(each, _Waiting):
+                return each
+        return None
 
     def _note_too_many(self, last: str) -> None:
         """Tell of commands that nobody carries out, and which was the last: it is not what holds."""
@@ -87,23 +172,25 @@ class Commander:
 
     def _tell_of_too_many(self) -> None:
         count, self._too_many = self._too_many, 0
-        self._say(MQTT_COMMANDS_TOO_MANY, count=count, last=self._last_of_them)
+        if count:  # else the end has told of them
+            self._say(MQTT_COMMANDS_TOO_MANY, count=count, last=self._last_of_them)
 
-    async def _answer(
-        self, client: aiomqtt.Client, message: aiomqtt.Message, answer: Answer, ignored: int = 0
-    ) -> None:
+    async def _answer(self, entry: "_Waiting", answer: Answer) -> None:
         severity = Severity.INFO if answer.result == "done" else Severity.WARNING
         data = answer.as_data()
-        if ignored:
-            data["ignored_before"] = ignored
+        if entry.missed:
+            data["ignored_before"] = entry.missed
+        if entry.repeated:
+            data["repeated"] = entry.repeated
         self._say(MQTT_COMMAND, severity, **data)
-        topic = getattr(message.properties, "ResponseTopic", None)
+        topic = getattr(entry.message.properties, "ResponseTopic", None)
         if topic is None or not self._may_answer(topic):
             return
         properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
-        if (correlation := getattr(message.properties, "CorrelationData", None)) is not None:
+        if (correlation := getattr(entry.message.properties, "CorrelationData", None)) is not None:
             properties.CorrelationData = correlation
-        await client.publish(topic, encode(data), qos=1, properties=properties)
+        with contextlib.suppress(aiomqtt.MqttError):  # the connection has gone, and the event is told
+            await entry.client.publish(topic, encode(data), qos=1, properties=properties)
 
     def _may_answer(self, topic: str) -> bool:
         """Not under our own topics: answers would be status, or commands that are answered again."""

@@ -140,6 +140,8 @@ async def carry_out(command: str, payload: bytes, orders: Orders) -> Answer:
         await _do(asked, command, orders, answer)
     except NoGatewayError as error:
         answer.problems = (str(error),)
+    except Exception as error:  # noqa: BLE001 - a mistake in one command must not cost those behind it
+        answer.problems = (f"a mistake in the gateway: {type(error).__name__}: {error}",)
     return answer
 
 
@@ -160,6 +162,16 @@ async def _do(asked: _Asked, command: str, orders: Orders, answer: Answer) -> No
         answer.changed, answer.comes, answer.problems = reply.changed, reply.comes, reply.problems
     else:
         answer.problems = (f"answered by {type(reply).__name__}",)
+
+
+def disabled_axes(command: str, payload: bytes) -> frozenset[str] | None:
+    """Return which axes a command switches off, none of them named: all; None where it is another command."""
+    if command != "disable" or len(payload) > LONGEST_PAYLOAD:
+        return None
+    try:
+        return frozenset(msgspec.json.decode(payload or b"{}", type=_OnAxes).names)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return None
 
 
 def shown_payload(payload: bytes) -> str:

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import logging
 import ssl
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from typing import Final
 
 import aiomqtt
@@ -25,7 +25,6 @@ GOODBYE_S: Final = 2.0
 AT_ONCE_S: Final = 0.1
 THREAD_S: Final = 6.0
 """The library's thread gives up after 5 s."""
-COMMANDS_QUEUED: Final = 64
 LARGEST_PACKET: Final = 65536
 """Bytes that a broker of version 5 may send at once; commands have a hundred."""
 
@@ -36,8 +35,13 @@ _SILENT.propagate = False
 
 
 @contextlib.asynccontextmanager
-async def connected(settings: Settings) -> AsyncIterator[aiomqtt.Client]:
+async def connected(
+    settings: Settings, take: Callable[[aiomqtt.Message], None]
+) -> AsyncIterator[aiomqtt.Client]:
     """Yield a client that is connected; say goodbye at the end, as far as the broker listens.
+
+    ``take`` gets each message as it comes, and must not block; ``client.messages`` has none, and ends with
+    the connection.
 
     Raises:
         NamedFileError: the password or a certificate cannot be used.
@@ -45,7 +49,7 @@ async def connected(settings: Settings) -> AsyncIterator[aiomqtt.Client]:
     """
     password = await asyncio.to_thread(settings.password)
     context = await asyncio.to_thread(settings.tls_context)
-    client = _client(settings, password, context)
+    client = _client(settings, password, context, take)
     try:
         await _enter(client)
     except aiomqtt.MqttError:
@@ -98,7 +102,22 @@ class _Client(aiomqtt.Client):
         self._loop.call_soon_threadsafe(register)
 
 
-def _client(settings: Settings, password: str | None, context: ssl.SSLContext | None) -> aiomqtt.Client:
+def _inbox(take: Callable[[aiomqtt.Message], None]) -> type[asyncio.Queue[aiomqtt.Message]]:
+    """Return a queue that hands on each message at once: the library drops, in silence, what has no room."""
+
+    class Inbox(asyncio.Queue[aiomqtt.Message]):
+        def put_nowait(self, item: aiomqtt.Message) -> None:
+            take(item)
+
+    return Inbox
+
+
+def _client(
+    settings: Settings,
+    password: str | None,
+    context: ssl.SSLContext | None,
+    take: Callable[[aiomqtt.Message], None],
+) -> aiomqtt.Client:
     if context is not None:
         context.sslsocket_class = _Socket
     is_v5 = settings.version is MqttVersion.V5
@@ -119,7 +138,7 @@ def _client(settings: Settings, password: str | None, context: ssl.SSLContext | 
         clean_session=None if is_v5 else True,
         timeout=ANSWER_S,
         keepalive=settings.keepalive_s,
-        max_queued_incoming_messages=COMMANDS_QUEUED,
+        queue_type=_inbox(take),
         properties=properties,
         tls_context=context,
     )

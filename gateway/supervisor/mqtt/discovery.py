@@ -16,11 +16,13 @@ from typing import Any, Final
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.supervisor.mqtt.messages import Payload
 from gateway.supervisor.mqtt.settings import Settings
+from gateway.supervisor.verdict import State
 
 MAKER: Final = "pitch-gateway"
 QUIET_INTERVALS: Final = 5
 SHORTEST_EXPIRY_S: Final = 15
 TABLE: Final = ("active", "waiting", "rejected", "removed", "none")
+VERDICTS: Final = tuple(state.value for state in State)
 UNITS: Final = {"mm": "mm", "inch": "in", "degree": "°"}
 """As Home Assistant writes them; the first two are units of its class ``distance``."""
 
@@ -72,13 +74,17 @@ def _gateway(settings: Settings, model: Payload) -> Payload:
                 "problem",
                 "Problem",
                 topics.info,
-                condition="value_json.troubles | selectattr('audience', 'equalto', 'operator') | list",
+                condition="value_json.troubles",
                 more={
                     "device_class": "problem",
                     "json_attributes_topic": topics.info,
                     "json_attributes_template": "{{ {'troubles': value_json.troubles} | tojson }}",
                 },
             ),
+            "verdict": {
+                **_choice(topics.id, "verdict", "Verdict", topics.info, options=VERDICTS, more={}),
+                "value_template": "{{ value_json.verdict.state }}",
+            },
             "trouble": {
                 **_entity(topics.id, "sensor", "trouble", "Worst problem"),
                 "state_topic": topics.info,
@@ -138,8 +144,7 @@ def _axis_components(settings: Settings, name: str, units: str) -> dict[str, Any
     topics, device = settings.topics, _device(settings, name)
     state, table = topics.axis(name), topics.table(name)
     expires, length = _expires(settings), _length(settings, units)
-    of_operator = "value_json.troubles | selectattr('audience', 'equalto', 'operator')"
-    mine = f"'{name}' in ({of_operator} | sum(attribute='axes', start=[]))"
+    mine = f"'{name}' in (value_json.troubles | sum(attribute='axes', start=[]))"
     positions = {
         "correction": "Correction",
         "nominal_setpoint": "Nominal setpoint",
@@ -149,6 +154,10 @@ def _axis_components(settings: Settings, name: str, units: str) -> dict[str, Any
     }
     return {
         **{key: _sensor(device, key, words, state, length) for key, words in positions.items()},
+        "verdict": {
+            **_choice(device, "verdict", "Verdict", state, options=VERDICTS, more=expires),
+            "value_template": "{{ value_json.verdict.state }}",
+        },
         "compensation": _choice(
             device, "compensation", "Compensation", state, options=COMPENSATION_STATES, more=expires
         ),

@@ -7,7 +7,7 @@ import msgspec
 
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.mqtt.topics import Topics
-from gateway.supervisor.trouble import STALE_S
+from gateway.supervisor.trouble import is_fresh
 
 ONLINE: Final = b"online"
 OFFLINE: Final = b"offline"
@@ -27,12 +27,6 @@ def is_known(model: Payload) -> bool:
     return model["gateway"]["snapshot_age_s"] is not None
 
 
-def is_fresh(model: Payload) -> bool:
-    """Whether positions are those of now: nobody may take an old one for the place of a machine."""
-    gateway = model["gateway"]
-    return gateway["relay"] == "up" and is_known(model) and gateway["snapshot_age_s"] <= STALE_S
-
-
 def retained_messages(settings: Settings, model: Payload) -> dict[str, Payload]:
     """Return what whoever comes late has to know, by topic; it changes seldom."""
     topics, gateway = settings.topics, model["gateway"]
@@ -44,6 +38,7 @@ def retained_messages(settings: Settings, model: Payload) -> dict[str, Payload]:
         "axes": {name: {"units": axis["units"]} for name, axis in model["axes"].items()},
         "interval_s": settings.interval_s,
         "commands": settings.allows_commands,
+        "verdict": model["verdict"],
         "troubles": model["troubles"],
     }
     tables = {topics.table(name): axis["table"] for name, axis in model["axes"].items()}

@@ -53,6 +53,8 @@ class Publisher:
         self._hear = hear
         self._commander = Commander(settings.topics, orders, say)
         self._tally = Tally()
+        self._client: aiomqtt.Client | None = None
+        """The newest; commands come over it."""
         self._connects = 0
         self._is_connected = False
         self._problem: str | None = None
@@ -73,11 +75,15 @@ class Publisher:
     async def run(self) -> None:
         """Publish until cancelled; the broker is told that this is the end, if it listens."""
         ledger = await asyncio.to_thread(Ledger, self._state / RETAINED_NAME)
-        await self._keep_connected(ledger)
+        working = asyncio.create_task(self._commander.run())
+        try:
+            await self._keep_connected(ledger)
+        finally:
+            await end((working,))
 
     async def finish_commands(self) -> None:
-        """Wait until the command that is being carried out has been answered."""
-        await self._commander.is_idle.wait()
+        """Wait until the commands that have come so far have been answered."""
+        await self._commander.finish()
 
     async def _keep_connected(self, ledger: Ledger) -> None:
         tries = 0
@@ -108,7 +114,8 @@ class Publisher:
 
     async def _connection(self, ledger: Ledger) -> None:
         """Connect and publish; it ends with an exception, because connections do."""
-        async with connected(self._settings) as client:
+        async with connected(self._settings, self._take) as client:
+            self._client = client
             refused = None
             if self._settings.allows_commands:
                 refused = await apart(self._commander.subscribe(client))
@@ -129,12 +136,16 @@ class Publisher:
                     raise error
 
     async def _listen(self, client: aiomqtt.Client) -> None:
-        """Take commands and temperatures; without any it is who notices that the connection is gone."""
-        async for message in client.messages:
-            if message.topic.value in self._settings.sensors:
-                self._hear(message.topic.value, bytes(message.payload), is_retained=message.retain)
-            else:
-                await self._commander.take(client, message)
+        """Wait until the connection is gone, which raises MqttError."""
+        async for _ in client.messages:
+            pass
+
+    def _take(self, message: aiomqtt.Message) -> None:
+        """Take a command or a temperature, as it comes."""
+        if message.topic.value in self._settings.sensors:
+            self._hear(message.topic.value, bytes(message.payload), is_retained=message.retain)
+        elif self._client is not None:
+            self._commander.take(self._client, message)
 
     def _reach(self, problem: str | None) -> None:
         self._connects += 1

@@ -2,7 +2,7 @@
 
 Nothing is built, and nothing is fetched but from the gateway itself: ``index.html`` at ``/``, the others at
 ``page/NAME``, and of the gateway's own answers ``events``, ``status``, ``tables/AXIS``, ``history/AXIS``,
-``frames/LINE``.
+``frames/LINE``. The one thing that it sends is ``acknowledge``.
 """
 
 from typing import Final
@@ -15,12 +15,15 @@ FILES: Final = (
     "curves.css",
     "rooms.css",
     "frames.css",
+    "alarms.css",
     "login.css",
     "icon.svg",
     "icon-trouble.svg",
     "theme.js",
     "login.js",
     "page.js",
+    "pointer.js",
+    "sound.js",
     "axis_card.js",
     "banner.js",
     "chart.js",
@@ -31,6 +34,7 @@ FILES: Final = (
     "frames.js",
     "histogram.js",
     "history.js",
+    "language.js",
     "latency.js",
     "line_cards.js",
     "model.js",
@@ -39,7 +43,8 @@ FILES: Final = (
     "tables.js",
     "terms.js",
     "words.js",
+    "de.json",
 )
 """Every file of the page, by its name in this folder; nothing else is served."""
-LOGIN_FILES: Final = ("page.css", "login.css", "theme.js", "login.js", "icon.svg")
+LOGIN_FILES: Final = ("page.css", "login.css", "theme.js", "login.js", "language.js", "de.json", "icon.svg")
 """What the page that asks for a token needs: strangers may have these, and nothing else of the page."""

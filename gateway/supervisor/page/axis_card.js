@@ -5,8 +5,10 @@ import { Curve } from "./curve.js";
 import { make, setAttribute, setSign, setText, show, sign } from "./dom.js";
 import { NOT_KNOWN, fixed, scaleOf, span, timeOfDay } from "./figures.js";
 import { History } from "./history.js";
+import { Pointer } from "./pointer.js";
 import { Terms } from "./terms.js";
-import { compensation, direction, table as tableState } from "./words.js";
+import { compensation, direction, table as tableState, verdict } from "./words.js";
+import { t } from "./language.js";
 
 /**
  * @typedef {import("./model.js").Axis} Axis
@@ -29,10 +31,20 @@ export class AxisCard {
     this.shownCurve = "";
     this.curve = new Curve();
     this.history = new History(name);
+    this.curvePointer = new Pointer(
+      this.curve.element,
+      {
+        stops: () => this.curve.stops(),
+        nearest: (share) => this.curve.nearest(share),
+        mark: (index) => this.curve.markAt(index),
+      },
+      t("Correction of axis {axis} at a position", { axis: name }),
+    );
     this.stateSign = sign("info");
     this.stateWords = make("span");
-    this.state = make("p", { class: "state" }, this.stateSign, this.stateWords);
-    this.positionName = make("span", { class: "reading-name", text: "Position" });
+    this.stateSince = make("span", { class: "since" });
+    this.state = make("p", { class: "state" }, this.stateSign, this.stateWords, this.stateSince);
+    this.positionName = make("span", { class: "reading-name", text: t("Position") });
     this.position = make("span", { class: "digits" });
     this.units = make("span", { class: "units" });
     this.big = make("p", { class: "position" }, this.position, this.units);
@@ -40,29 +52,36 @@ export class AxisCard {
     this.directionWords = make("span");
     this.direction = make("p", { class: "direction" }, this.directionSign, this.directionWords);
     this.correction = make("dd");
-    this.correctionRow = make("div", {}, make("dt", { text: "Correction" }), this.correction);
+    this.correctionRow = make("div", {}, make("dt", { text: t("Correction") }), this.correction);
     /** @type {Terms | null} */
     this.terms = null;
     this.corrected = make("dd");
     this.target = make("dd");
-    this.targetRow = make("div", {}, make("dt", { text: "Target" }), this.target);
+    this.targetRow = make("div", {}, make("dt", { text: t("Target") }), this.target);
     this.gain = make("dd");
-    this.gainRow = make("div", {}, make("dt", { text: "Gain" }), this.gain);
+    this.gainRow = make("div", {}, make("dt", { text: t("Gain") }), this.gain);
     this.writer = make("dd");
-    this.writerRow = make("div", {}, make("dt", { text: "Moved by" }), this.writer);
+    this.writerRow = make("div", {}, make("dt", { text: t("Moved by") }), this.writer);
     this.tableSign = sign("info");
     this.tableName = make("span", { class: "file" });
     this.tableWords = make("span", { class: "file-state" });
     this.problems = make("ul", { class: "problems" });
-    this.drawing = make("div", { class: "drawing-frame" }, this.curve.element);
+    this.drawing = make(
+      "div",
+      { class: "drawing-frame" },
+      this.curve.element,
+      this.curvePointer.slider,
+      this.curvePointer.words,
+    );
     this.noCurve = make("p", { class: "no-curve quiet" });
     this.valuesBody = make("tbody");
     this.valuesHead = make("tr");
-    this.values = make("details", { class: "values" }, make("summary", { text: "Values of the table" }));
+    this.values = make("details", { class: "values" }, make("summary", { text: t("Values of the table") }));
     this.element = this.laidOut();
     this.values.addEventListener("toggle", () => this.fillValues());
     this.resizes = new ResizeObserver(([entry]) => {
       this.curve.resize(entry.contentRect.width, entry.contentRect.height);
+      this.curvePointer.redraw();
     });
     this.resizes.observe(this.drawing);
   }
@@ -71,7 +90,7 @@ export class AxisCard {
     const title = `axis-${number}-title`;
     const frame = make(
       "div",
-      { class: "values-frame", tabindex: "0", role: "region", "aria-label": `Values of the table of axis ${this.name}` },
+      { class: "values-frame", tabindex: "0", role: "region", "aria-label": t("Values of the table of axis {axis}", { axis: this.name }) },
       make("table", {}, make("thead", {}, this.valuesHead), this.valuesBody),
     );
     this.values.append(frame);
@@ -81,7 +100,7 @@ export class AxisCard {
       make(
         "header",
         { class: "card-head" },
-        make("h3", { id: title }, make("span", { class: "unseen", text: "Axis " }), make("span", { text: this.name })),
+        make("h3", { id: title }, make("span", { class: "unseen", text: `${t("Axis")} ` }), make("span", { text: this.name })),
         this.state,
       ),
       make(
@@ -96,12 +115,12 @@ export class AxisCard {
             "dl",
             { class: "facts" },
             this.correctionRow,
-            make("div", {}, make("dt", { text: "On the drive" }), this.corrected),
+            make("div", {}, make("dt", { text: t("On the drive") }), this.corrected),
             this.targetRow,
             this.writerRow,
             this.gainRow,
           ),
-          make("figure", { class: "past" }, this.history.element, make("figcaption", { class: "legend", "aria-hidden": "true" }, make("span", { class: "key-position", text: "position" }), make("span", { class: "key-forward", text: "correction" }), make("span", { class: "key-time", text: "last 10 min" }))),
+          this.history.figure,
         ),
         make("figure", { class: "curve" }, this.drawing, this.noCurve, this.legend()),
       ),
@@ -119,10 +138,10 @@ export class AxisCard {
     return make(
       "figcaption",
       { class: "legend", "aria-hidden": "true" },
-      make("span", { class: "key-forward", text: "forward" }),
-      make("span", { class: "key-backward", text: "backward" }),
-      make("span", { class: "key-machine", text: "machine" }),
-      make("span", { class: "key-outside", text: "no table" }),
+      make("span", { class: "key-forward", text: t("forward") }),
+      make("span", { class: "key-backward", text: t("backward") }),
+      make("span", { class: "key-machine", text: t("machine") }),
+      make("span", { class: "key-outside", text: t("no table") }),
     );
   }
 
@@ -139,26 +158,22 @@ export class AxisCard {
     this.axis = axis;
     const scale = scaleOf(axis.units);
     const state = stateOf(axis);
-    const isKnown = !axis.trouble?.cuts_off;
-    setAttribute(this.element, "data-tone", axis.table.status === "rejected" ? "error" : state.tone);
-    setAttribute(this.element, "data-known", isKnown ? "yes" : "no");
+    const { position } = axis;
+    const isRead = position.of === "reading";
+    setAttribute(this.element, "data-tone", state.tone);
+    setAttribute(this.element, "data-known", isRead ? "yes" : "no");
     setAttribute(this.state, "class", `state ${state.tone}`);
     setSign(this.stateSign, state.sign);
     setText(this.stateWords, state.words);
+    setText(this.stateSince, t("since {time}", { time: timeOfDay(axis.verdict.since) }));
 
-    const last = isKnown ? null : axis.last_seen;
-    const isRead = axis.nominal_actual !== null || Boolean(last);
-    const nominal = last ? last.nominal : (axis.nominal_actual ?? axis.nominal_setpoint);
-    const written = axis.compensation === "shadow" ? axis.nominal_setpoint : axis.corrected_setpoint;
-    const corrected = last ? last.corrected : isRead ? axis.corrected_actual : written;
-    const name = last ? `Last seen ${span(last.age_s)} ago` : isRead ? "Position" : "Target (position not read)";
-    setText(this.positionName, name);
-    const digits = fixed(nominal, scale.decimals);
+    setText(this.positionName, nameOf(position));
+    const digits = fixed(position.nominal, scale.decimals);
     setText(this.position, digits);
     setAttribute(this.big, "class", digits.length > LONG ? "position long" : "position");
     setText(this.units, scale.units);
-    setText(this.corrected, withUnits(fixed(corrected, scale.decimals), scale.units));
-    const correction = last && last.corrected !== null ? last.corrected - last.nominal : correctionOf(axis);
+    setText(this.corrected, withUnits(fixed(position.corrected, scale.decimals), scale.units));
+    const correction = correctionOf(axis);
     setText(
       this.correction,
       withUnits(fixed(correction === null ? null : correction * scale.perUnit, scale.smallDecimals, true), scale.small),
@@ -167,20 +182,20 @@ export class AxisCard {
       this.terms ??= new Terms(this.correctionRow);
     }
     this.terms?.show(axis.terms, axis.units);
-    show(this.targetRow, isRead);
+    show(this.targetRow, position.of !== "target");
     setText(this.target, withUnits(fixed(axis.nominal_setpoint, scale.decimals), scale.units));
     const way = direction(axis.direction);
     setSign(this.directionSign, way.sign);
     setText(this.directionWords, way.words);
     const { forward, backward } = axis.gain;
     show(this.gainRow, forward !== 1 || backward !== 1);
-    setText(this.gain, forward === backward ? `× ${forward}` : `× ${forward} forward, × ${backward} backward`);
+    setText(this.gain, forward === backward ? `× ${forward}` : t("× {forward} forward, × {backward} backward", { forward, backward }));
     show(this.writerRow, Boolean(axis.writer));
     setText(this.writer, axis.writer ?? "");
     this.showTable(axis);
     this.showCurve(axis);
-    this.curve.move(this.placeOf(nominal, correction));
-    this.history.add(isKnown ? axis.nominal_actual : null, isKnown ? correction : null, now, scale);
+    this.curve.move(this.placeOf(position.nominal, correction));
+    this.history.add(isRead ? position.nominal : null, isRead ? correction : null, now, scale);
   }
 
   /**
@@ -205,13 +220,13 @@ export class AxisCard {
     setAttribute(this.tableSign, "class", `sign ${state.tone}`);
     setSign(this.tableSign, state.sign);
     setText(this.tableName, its.file ?? "");
-    const without = its.status === "none" ? "No table is configured" : "No table: backlash alone";
+    const without = its.status === "none" ? t("No table is configured") : t("No table: backlash alone");
     const parts = [its.file === null ? without : state.words];
     if (its.points && its.file !== null) {
-      parts.push(`${its.points} points`);
+      parts.push(t("{count} points", { count: its.points }));
     }
     if (its.loaded_at) {
-      parts.push(`loaded ${timeOfDay(its.loaded_at)}`);
+      parts.push(t("loaded {time}", { time: timeOfDay(its.loaded_at) }));
     }
     setText(this.tableWords, parts.join(" · "));
     const problems = (its.problems ?? []).map(sentence);
@@ -238,7 +253,7 @@ export class AxisCard {
   /** @param {Axis} axis */
   showCurve(axis) {
     const hasTable = axis.table.points > 0;
-    setText(this.noCurve, hasTable ? "The curve is being fetched." : "No table: positions pass as they are.");
+    setText(this.noCurve, hasTable ? t("The curve is being fetched.") : t("No table: positions pass as they are."));
     const has = this.table !== null && this.table.positions.length > 1;
     show(this.noCurve, !has);
     setAttribute(this.element, "data-curve", has ? "yes" : "no");
@@ -248,6 +263,7 @@ export class AxisCard {
     }
     this.shownCurve = key;
     if (this.table === null || !has) {
+      this.curvePointer.set(null);
       this.curve.show(null);
       show(this.values, false);
       return;
@@ -257,17 +273,22 @@ export class AxisCard {
     const scale = scaleOf(axis.units);
     const travel = table.travel === undefined ? axis.travel : table.travel;
     this.curve.show({ table, travel, scale });
+    this.curvePointer.redraw();
     this.fillValues();
-    setText(this.curve.title, `Correction of axis ${this.name} over its travel`);
+    setText(this.curve.title, t("Correction of axis {axis} over its travel", { axis: this.name }));
     const last = table.positions[table.positions.length - 1];
     const isShort = travel !== null && (travel[0] < table.positions[0] || travel[1] > last);
     setAttribute(this.element, "data-outside", isShort ? "yes" : "no");
     setText(
       this.curve.description,
-      `${axis.table.points} points from ${fixed(table.positions[0], scale.decimals)} to ` +
-        `${fixed(last, scale.decimals)} ${scale.units}. Forward ${range(table.forward, scale)}, ` +
-        `backward ${range(table.backward, scale)}. ` +
-        "The values stand below, under Values of the table.",
+      t("{count} points from {low} to {high} {units}. Forward {forward}, backward {backward}. The values stand below, under Values of the table.", {
+        count: axis.table.points,
+        low: fixed(table.positions[0], scale.decimals),
+        high: fixed(last, scale.decimals),
+        units: scale.units,
+        forward: range(table.forward, scale),
+        backward: range(table.backward, scale),
+      }),
     );
   }
 
@@ -279,7 +300,7 @@ export class AxisCard {
     }
     const scale = scaleOf(this.axis.units);
     const { positions, forward, backward } = this.table;
-    const heads = [`Position ${scale.units}`, `Forward ${scale.small}`, `Backward ${scale.small}`];
+    const heads = [`${t("Position")} ${scale.units}`, `${t("Forward")} ${scale.small}`, `${t("Backward")} ${scale.small}`];
     this.valuesHead.replaceChildren(...heads.map((text) => make("th", { scope: "col", text })));
     this.valuesBody.replaceChildren(
       ...positions.map((position, index) =>
@@ -296,17 +317,30 @@ export class AxisCard {
 }
 
 /**
- * What an axis is like: only as good as drive, line, relay and supervisor together. A trouble without a title
- * leaves the compensation as it is, or is called as it.
+ * The verdict on an axis, in words. Where it has no title the state of the compensation says it.
  * @param {Axis} axis
  * @returns {import("./words.js").State}
  */
-function stateOf({ trouble, compensation: state }) {
-  if (!trouble?.title) {
-    return compensation(state);
+function stateOf({ verdict: found, compensation: state }) {
+  const of = compensation(state);
+  const { sign: name, tone } = verdict(found.state);
+  const isOwn = !found.title && (found.state === "healthy" || of.tone === tone);
+  return { words: found.title ? t(found.title) : of.words, sign: isOwn ? of.sign : name, tone };
+}
+
+/**
+ * What the large number is.
+ * @param {import("./model.js").Position} position
+ */
+function nameOf({ of, age_s: age, is_at_least: isAtLeast }) {
+  if (of === "reading") {
+    return t("Position");
   }
-  const name = trouble.severity === "error" ? "error" : "warning";
-  return { words: trouble.title, sign: name, tone: name };
+  if (of === null || age === null) {
+    return t("Position not known");
+  }
+  const time = isAtLeast ? t("more than {span}", { span: span(age) }) : span(age);
+  return of === "target" ? t("Target of {span} ago (position not read)", { span: time }) : t("Last seen {span} ago", { span: time });
 }
 
 /**
@@ -314,11 +348,10 @@ function stateOf({ trouble, compensation: state }) {
  * mode, where the drive shows nothing of it.
  * @param {Axis} axis
  */
-function correctionOf(axis) {
-  if (axis.compensation !== "shadow" && axis.nominal_actual !== null && axis.corrected_actual !== null) {
-    return axis.corrected_actual - axis.nominal_actual;
-  }
-  return axis.correction;
+function correctionOf({ position, compensation: state, correction }) {
+  const { of, nominal, corrected } = position;
+  const isRead = of === "reading" || of === "last-reading";
+  return isRead && state !== "shadow" && nominal !== null && corrected !== null ? corrected - nominal : correction;
 }
 
 /**
@@ -343,5 +376,9 @@ function range(values, scale) {
   const scaled = values.map((value) => value * scale.perUnit);
   const low = scaled.reduce((one, other) => Math.min(one, other), Infinity);
   const high = scaled.reduce((one, other) => Math.max(one, other), -Infinity);
-  return `from ${fixed(low, scale.smallDecimals, true)} to ${fixed(high, scale.smallDecimals, true)} ${scale.small}`;
+  return t("from {low} to {high} {units}", {
+    low: fixed(low, scale.smallDecimals, true),
+    high: fixed(high, scale.smallDecimals, true),
+    units: scale.small,
+  });
 }

@@ -1,24 +1,30 @@
 // @ts-check
-// What is wrong and what to do, or that all is well; and that the page itself hears nothing.
+// How the gateway is, in one word; what is wrong and what to do; and that the page itself hears nothing.
 
 import { byId, keepChildren, make, setAttribute, setSentence, setSign, setText, show, sign } from "./dom.js";
 import { span, timeOfDay } from "./figures.js";
-import { capital } from "./words.js";
+import { acknowledged } from "./session.js";
+import { capital, verdict as inWords } from "./words.js";
+import { place, said, t } from "./language.js";
 
 const AT_FIRST = matchMedia("(max-width: 40rem)").matches ? 2 : 4; // the axes should stay in sight
 
-/** @typedef {import("./model.js").Trouble} Trouble */
+/**
+ * @typedef {import("./model.js").Trouble} Trouble
+ * @typedef {import("./model.js").Verdict} Verdict
+ */
 
 export class Banner {
   constructor() {
     this.list = byId("troubles");
-    this.well = byId("well");
+    this.verdict = byId("verdict");
     this.lost = byId("lost");
     this.more = byId("more");
     this.sayAlert = byId("say-alert");
     this.sayStatus = byId("say-status");
     /** @type {Map<string, TroubleItem>} */
     this.items = new Map();
+    this.mayAcknowledge = false;
     /** @type {Trouble[]} */
     this.troubles = [];
     /** @type {Set<string> | null} */
@@ -28,8 +34,10 @@ export class Banner {
     this.lostWhat = make("strong");
     this.lostHow = make("span", { class: "remedy" });
     this.lost.append(sign("error"), make("p", {}, this.lostWhat, this.lostHow));
-    this.wellWords = make("span");
-    this.well.append(sign("ok"), this.wellWords);
+    this.verdictSign = sign("wait");
+    this.verdictWord = make("strong");
+    this.verdictAbout = make("span", { class: "about" });
+    this.verdict.append(this.verdictSign, this.verdictWord, this.verdictAbout);
     this.more.addEventListener("click", () => {
       this.isOpen = !this.isOpen;
       this.draw();
@@ -37,13 +45,18 @@ export class Banner {
   }
 
   /**
+   * @param {Verdict} verdict
    * @param {Trouble[]} troubles worst first
-   * @param {string} allWell
+   * @param {string} about what there is, as `2 lines, 3 axes`
    */
-  show(troubles, allWell) {
+  show(verdict, troubles, about) {
     this.troubles = troubles;
-    setText(this.wellWords, allWell);
-    this.say(allWell);
+    const { words, sign: name, tone } = inWords(verdict.state);
+    setAttribute(this.verdict, "class", `verdict ${tone}`);
+    setSign(this.verdictSign, name);
+    setText(this.verdictWord, words);
+    setText(this.verdictAbout, `${t("since {time}", { time: timeOfDay(verdict.since) })} · ${counted(verdict) || about}`);
+    this.say(`${words}: ${about}.`);
     this.draw();
   }
 
@@ -55,20 +68,20 @@ export class Banner {
     const isLost = silentMs !== null;
     if (isLost) {
       const age = span(silentMs / 1000);
-      setText(this.lostWhat, hasModel ? `The gateway does not answer. What is shown is ${age} old.` : "The gateway does not answer.");
-      setText(this.lostHow, "Is it running, and is the network there? This page tries again by itself.");
+      setText(this.lostWhat, hasModel ? t("The gateway does not answer. What is shown is {span} old.", { span: age }) : t("The gateway does not answer."));
+      setText(this.lostHow, t("Is it running, and is the network there? This page tries again by itself."));
     }
     if (isLost !== this.isLost) {
       this.isLost = isLost;
-      setText(this.sayAlert, isLost ? "The gateway does not answer." : "");
-      setText(this.sayStatus, isLost ? "" : "The gateway answers again.");
+      setText(this.sayAlert, isLost ? t("The gateway does not answer.") : "");
+      setText(this.sayStatus, isLost ? "" : t("The gateway answers again."));
       this.draw();
     }
   }
 
   draw() {
     show(this.lost, this.isLost);
-    show(this.well, this.troubles.length === 0 && !this.isLost && this.said !== null);
+    show(this.verdict, !this.isLost && this.said !== null);
     const seen = this.isOpen ? this.troubles : this.troubles.slice(0, AT_FIRST);
     const hidden = this.troubles.length - Math.min(this.troubles.length, AT_FIRST);
     /** @type {Map<string, Trouble>} */
@@ -82,29 +95,35 @@ export class Banner {
     }
     keepChildren(this.list, this.items, [...byKey.keys()], () => new TroubleItem(), (item) => item.element);
     for (const [key, trouble] of byKey) {
-      this.items.get(key)?.show(trouble);
+      this.items.get(key)?.show(trouble, this.mayAcknowledge);
     }
     show(this.more, hidden > 0);
-    setText(this.more, this.isOpen ? "Show fewer" : `Show ${hidden} more`);
+    setText(this.more, this.isOpen ? t("Show fewer") : t("Show {count} more", { count: hidden }));
     setAttribute(this.more, "aria-expanded", String(this.isOpen));
+  }
+
+  /** Offer to acknowledge alarms: whoever looks has the right to. */
+  allow() {
+    this.mayAcknowledge = true;
+    this.draw();
   }
 
   /**
    * Have a screen reader say what is new; not again what only changed its words.
-   * @param {string} allWell
+   * @param {string} noTrouble what to say when the last trouble is over
    */
-  say(allWell) {
+  say(noTrouble) {
     const now = new Set(this.troubles.map(keyOf));
     const before = this.said;
     this.said = now;
     const fresh = this.troubles.filter((trouble) => !before?.has(keyOf(trouble)));
     if (fresh.length) {
       const isError = fresh.some((trouble) => trouble.severity === "error");
-      const words = fresh.slice(0, AT_FIRST).map((trouble) => `${capital(trouble.where)}: ${trouble.what}. ${trouble.remedy}.`);
+      const words = fresh.slice(0, AT_FIRST).map((trouble) => `${capital(place(trouble.where))}: ${said(trouble.says, trouble.what)}. ${t(trouble.remedy)}.`);
       setText(isError ? this.sayAlert : this.sayStatus, words.join(" ").replaceAll("`", ""));
     } else if (now.size === 0 && before?.size) {
       setText(this.sayAlert, "");
-      setText(this.sayStatus, allWell);
+      setText(this.sayStatus, noTrouble);
     }
   }
 }
@@ -117,25 +136,75 @@ class TroubleItem {
     this.since = make("span", { class: "since" });
     this.kind = make("span", { class: "unseen" });
     this.sign = sign("warning");
+    this.seen = make("span", { class: "seen", hidden: "" });
+    this.button = /** @type {HTMLButtonElement} */ (make("button", { type: "button", class: "plain", text: t("Acknowledge") }));
+    this.problem = make("span", { class: "problem" });
+    /** @type {Trouble | null} */
+    this.trouble = null;
+    this.isAsking = false;
+    this.button.addEventListener("click", () => void this.acknowledge());
     this.element = make(
       "li",
       { class: "trouble" },
       this.sign,
-      make("p", {}, this.kind, this.where, this.what, this.since, this.remedy),
+      make("p", {}, this.kind, this.where, this.what, this.since, this.seen, this.remedy, this.problem),
+      this.button,
     );
   }
 
-  /** @param {Trouble} trouble */
-  show(trouble) {
-    const isError = trouble.severity === "error";
-    setAttribute(this.element, "class", `trouble ${isError ? "error" : "warning"}`);
-    setSign(this.sign, isError ? "error" : "warning");
-    setText(this.kind, isError ? "Error: " : "Warning: ");
-    setText(this.where, capital(trouble.where));
-    setSentence(this.what, trouble.what);
-    setText(this.since, trouble.since ? `since ${timeOfDay(trouble.since)}` : "");
-    setSentence(this.remedy, capital(trouble.remedy));
+  /** Tell the gateway that the alarm was seen; what comes of it stands in the next status. */
+  async acknowledge() {
+    if (this.trouble === null || this.isAsking) {
+      return;
+    }
+    const { kind, where, since } = this.trouble;
+    this.isAsking = true; // a button that is switched off would lose the focus
+    const why = await acknowledged({ kind, where, since });
+    this.isAsking = false;
+    setText(this.problem, why);
+    setText(byId("say-alert"), why);
   }
+
+  /**
+   * @param {Trouble} trouble
+   * @param {boolean} mayAcknowledge
+   */
+  show(trouble, mayAcknowledge) {
+    const seen = trouble.acknowledged ?? null;
+    const hadFocus = document.activeElement === this.button;
+    this.trouble = trouble;
+    show(this.seen, seen !== null);
+    setText(this.seen, seen === null ? "" : t("acknowledged by {name}, {time}", { name: seen.by, time: timeOfDay(seen.at) }));
+    show(this.button, mayAcknowledge && seen === null);
+    if (seen !== null) {
+      setText(this.problem, "");
+      if (hadFocus) {
+        byId("banner").focus(); // the button that had it is gone
+      }
+    }
+    setAttribute(this.button, "aria-label", `${t("Acknowledge")}: ${place(trouble.where)}, ${said(trouble.says, trouble.what)}`);
+    const isError = trouble.severity === "error";
+    setAttribute(this.element, "class", `trouble ${isError ? "error" : "warning"}${seen ? " acknowledged" : ""}`);
+    setSign(this.sign, isError ? "error" : "warning");
+    setText(this.kind, isError ? `${t("Error")}: ` : `${t("Warning")}: `);
+    setText(this.where, capital(place(trouble.where)));
+    setSentence(this.what, said(trouble.says, trouble.what));
+    setText(this.since, trouble.since ? t("since {time}", { time: timeOfDay(trouble.since) }) : "");
+    setSentence(this.remedy, capital(t(trouble.remedy)));
+  }
+}
+
+/**
+ * How many things are wrong, as `1 error, 2 warnings`; empty where nothing is.
+ * @param {Verdict} verdict
+ */
+function counted({ errors, warnings }) {
+  return [
+    errors ? `${errors} ${errors === 1 ? t("error") : t("errors")}` : "",
+    warnings ? `${warnings} ${warnings === 1 ? t("warning") : t("warnings")}` : "",
+  ]
+    .filter(Boolean)
+    .join(", ");
 }
 
 /** @param {Trouble} trouble */

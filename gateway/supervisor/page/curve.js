@@ -4,6 +4,8 @@
 import { label, fontSize, linear, path, round, stroke, textWidth } from "./chart.js";
 import { draw, setAttribute } from "./dom.js";
 import { fixed, ticks } from "./figures.js";
+import { nearestOf } from "./pointer.js";
+import { t } from "./language.js";
 
 /**
  * @typedef {import("./model.js").Table} Table
@@ -27,6 +29,13 @@ export class Curve {
       draw("circle", { class: "mark-halo", r: 9 }),
       draw("circle", { class: "mark-dot", r: 5.5 }),
     );
+    this.reading = draw(
+      "g",
+      { class: "reading-mark", visibility: "hidden" },
+      draw("line", { class: "reading-line", x1: 0, x2: 0 }),
+      draw("circle", { class: "reading-forward", r: 4 }),
+      draw("circle", { class: "reading-backward", r: 4 }),
+    );
     this.element = draw(
       "svg",
       {
@@ -39,6 +48,7 @@ export class Curve {
       this.description,
       this.back,
       this.mark,
+      this.reading,
     );
     this.width = 0;
     this.height = 0;
@@ -90,6 +100,45 @@ export class Curve {
     setAttribute(this.mark, "transform", `translate(${round(x)} 0)`);
     setAttribute(this.mark.children[1], "cy", String(dot));
     setAttribute(this.mark.children[2], "cy", String(dot));
+  }
+
+  /** How many points can be read. */
+  stops() {
+    return this.across === null || this.shown === null ? 0 : this.shown.table.positions.length;
+  }
+
+  /**
+   * Which point is nearest to a place of the drawing.
+   * @param {number} share of its width, from the left
+   */
+  nearest(share) {
+    const { across, shown } = this;
+    return across === null || shown === null ? 0 : nearestOf(shown.table.positions.map(across), share * this.width);
+  }
+
+  /**
+   * Mark a point, and say its values.
+   * @param {number | null} index null: none
+   */
+  markAt(index) {
+    const { across, shown } = this;
+    setAttribute(this.reading, "visibility", index === null || across === null ? "hidden" : "visible");
+    if (index === null || across === null || shown === null) {
+      return "";
+    }
+    const { table, scale } = shown;
+    const [position, forward, backward] = [table.positions[index], table.forward[index], table.backward[index]];
+    setAttribute(this.reading, "transform", `translate(${round(across(position))} 0)`);
+    setAttribute(this.reading.children[1], "cy", String(round(this.up(forward))));
+    setAttribute(this.reading.children[2], "cy", String(round(this.up(backward))));
+    const small = (/** @type {number} */ value) =>
+      `${fixed(value * scale.perUnit, scale.smallDecimals, true)}\u202f${scale.small}`;
+    const at = `${fixed(position, scale.decimals)}\u202f${scale.units}`;
+    return t("{position}: forward {forward}, backward {backward}", {
+      position: at,
+      forward: small(forward),
+      backward: small(backward),
+    });
   }
 
   redraw() {
@@ -146,6 +195,8 @@ export class Curve {
     };
     this.mark.children[0].setAttribute("y1", String(round(top - font * 0.3)));
     this.mark.children[0].setAttribute("y2", String(round(bottom)));
+    this.reading.children[0].setAttribute("y1", String(round(top)));
+    this.reading.children[0].setAttribute("y2", String(round(bottom)));
     this.move(this.place);
   }
 

@@ -4,6 +4,7 @@
 import { byId, make, setText, show, sign } from "./dom.js";
 import { timeOfDay } from "./figures.js";
 import { about, capital, event as eventWords, whereOf } from "./words.js";
+import { t } from "./language.js";
 
 /** @typedef {import("./model.js").Happening} Happening */
 
@@ -12,8 +13,8 @@ export const MOST = 200;
 /** @type {Record<string, { level: number, sign: string, words: string }>} */
 const SEVERITIES = {
   info: { level: 0, sign: "info", words: "" },
-  warning: { level: 1, sign: "warning", words: "Warning: " },
-  error: { level: 2, sign: "error", words: "Error: " },
+  warning: { level: 1, sign: "warning", words: `${t("Warning")}: ` },
+  error: { level: 2, sign: "error", words: `${t("Error")}: ` },
 };
 
 export class EventList {
@@ -51,7 +52,7 @@ export class EventList {
 
   /** @param {number} count how many the gateway had to leave out */
   addMissed(count) {
-    const element = make("li", { class: "event info", text: `${count} events were left out: they came too fast.` });
+    const element = make("li", { class: "event info", text: t("{count} events were left out: they came too fast.", { count }) });
     this.put(`missed ${performance.now()}`, 2, element);
   }
 
@@ -86,7 +87,7 @@ export class EventList {
 
   showNone() {
     const isEmpty = !this.items.some((item) => item.level >= this.least);
-    setText(this.none, this.least ? "Nothing of this kind." : "Nothing has happened yet.");
+    setText(this.none, this.least ? t("Nothing of this kind.") : t("Nothing has happened yet."));
     show(this.none, isEmpty);
   }
 }

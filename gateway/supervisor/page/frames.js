@@ -2,12 +2,13 @@
 // The newest frames of a line, in words, newest first. Only asked for while somebody looks at them.
 
 import { byId, make, setAttribute, setText, show } from "./dom.js";
+import { t } from "./language.js";
 
 /** @typedef {{ time: string, kind: string, side: string, words: string }} Frame `time` as ISO 8601 */
 
 const EVERY_MS = 1000;
 /** @type {Record<string, string>} */
-const WAYS = { request: "from controller", sent: "to drive", reply: "from drive", answered: "to controller" };
+const WAYS = { request: t("from controller"), sent: t("to drive"), reply: t("from drive"), answered: t("to controller") };
 const ARROWS = /^(?:controller|)\s*[→←×]\s*/u;
 
 export class Frames {
@@ -28,7 +29,7 @@ export class Frames {
     this.hold.addEventListener("click", () => {
       this.isHeld = !this.isHeld;
       setAttribute(this.hold, "aria-pressed", String(this.isHeld));
-      setText(this.hold, this.isHeld ? "Go on" : "Hold");
+      setText(this.hold, this.isHeld ? t("Go on") : t("Hold"));
     });
     setInterval(() => this.ask(), EVERY_MS);
   }
@@ -38,7 +39,7 @@ export class Frames {
     const there = [...this.choice.options].map(({ value }) => value);
     if (there.join("\n") !== lines.join("\n")) {
       const chosen = this.choice.value;
-      this.choice.replaceChildren(...lines.map((name) => make("option", { value: name, text: `line ${name}` })));
+      this.choice.replaceChildren(...lines.map((name) => make("option", { value: name, text: `${t("line")} ${name}` })));
       if (lines.includes(chosen)) {
         this.choice.value = chosen;
       }
@@ -55,10 +56,10 @@ export class Frames {
       const answer = await fetch(`frames/${encodeURIComponent(line)}`, { cache: "no-store" });
       const told = await answer.json();
       if (line === this.choice.value) {
-        this.draw(answer.ok ? told.frames : [], answer.ok ? "Nothing has passed yet." : String(told.problem));
+        this.draw(answer.ok ? told.frames : [], answer.ok ? t("Nothing has passed yet.") : String(told.problem));
       }
     } catch {
-      this.draw([], "The gateway does not answer.");
+      this.draw([], t("The gateway does not answer."));
     } finally {
       this.isAsking = false;
     }

@@ -4,6 +4,7 @@
 import { label, fontSize, linear, round, stroke, textWidth } from "./chart.js";
 import { draw } from "./dom.js";
 import { shortCount, time } from "./figures.js";
+import { t } from "./language.js";
 
 /** @typedef {{ bounds: number[], below: number[], budget: number | null }} Counted microseconds */
 
@@ -87,7 +88,7 @@ export class Histogram {
     this.times(bounds, across, bottom, font);
     if (budget !== null) {
       const x = across(beyond);
-      const words = `budget ${time(budget)}`;
+      const words = `${t("budget")} ${time(budget)}`;
       const fits = x + textWidth(words, font) + 6 < right;
       this.back.append(
         stroke(x, font * 0.4, x, bottom, "budget"),

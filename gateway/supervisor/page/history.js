@@ -1,18 +1,24 @@
 // @ts-check
-// The last ten minutes of one axis: where it was, and what was added there.
+// The past of one axis, from ten minutes to a day: where it was, and what was added there.
 
-import { draw } from "./dom.js";
-import { fixed } from "./figures.js";
+import { draw, make, setAttribute } from "./dom.js";
+import { fixed, timeOfDay } from "./figures.js";
+import { Pointer, nearestOf } from "./pointer.js";
+import { t } from "./language.js";
 
 /** @typedef {{ at: number, nominal: number | null, correction: number | null }} Seen `at` in ms */
 /** @typedef {{ ages_s: number[], nominal: (number | null)[], correction: (number | null)[] }} Told */
 
-const KEPT_MS = 600_000;
-const EVERY_MS = 1000;
+const MS_PER_MINUTE = 60_000;
+const EVERY_MS = 1000; // as the gateway keeps the last ten minutes
+const SELDOM_MS = 10_000; // and what is before them
 const DRAWN_EVERY_MS = 10_000; // where nothing has changed it only moves to the left
-const WIDTH = 600; // one of its own units is a second
+const GAP_MS = 35_000; // without a word for longer the line is broken
+const WIDTH = 600;
 const HEIGHT = 60;
 const AIR = 5;
+/** @type {Record<string, string>} spans by minutes */
+export const SPANS = { 10: t("10 minutes"), 60: t("1 hour"), 480: t("8 hours"), 1440: t("1 day") };
 
 let number = 0;
 
@@ -21,6 +27,7 @@ export class History {
   constructor(axis) {
     number += 1;
     this.axis = axis;
+    this.minutes = 10;
     /** @type {Seen[]} oldest first */
     this.seen = [];
     this.drawnAt = -Infinity;
@@ -28,10 +35,11 @@ export class History {
     /** @type {import("./figures.js").Scale | null} */
     this.scale = null;
     this.title = draw("title", { id: `history-${number}` });
-    this.title.textContent = `Last ten minutes of axis ${axis}`;
+    this.name();
     this.words = draw("desc", { id: `history-${number}-about` });
     this.position = draw("path", { class: "history-position" });
     this.correction = draw("path", { class: "history-correction" });
+    this.reading = draw("line", { class: "history-reading", y1: 0, y2: HEIGHT, visibility: "hidden" });
     this.element = draw(
       "svg",
       {
@@ -46,15 +54,74 @@ export class History {
       this.words,
       this.position,
       this.correction,
+      this.reading,
     );
+    const readable = {
+      stops: () => this.stops(),
+      nearest: (/** @type {number} */ share) => this.nearest(share),
+      mark: (/** @type {number | null} */ index) => this.markAt(index),
+    };
+    this.pointer = new Pointer(this.element, readable, t("Axis {axis} at a time", { axis }));
+    this.figure = this.laidOut();
+    void this.fetch();
+  }
+
+  /** The strip, with the choice of its span and the same as a file. */
+  laidOut() {
+    const label = t("Span of the past of axis {axis}", { axis: this.axis });
+    const choice = /** @type {HTMLSelectElement} */ (make("select", { class: "past-span", "aria-label": label }));
+    choice.append(...Object.entries(SPANS).map(([value, text]) => make("option", { value, text })));
+    const file = make("a", { class: "past-file", download: "", text: "CSV" });
+    const name = () => {
+      setAttribute(file, "href", `history/${encodeURIComponent(this.axis)}.csv?minutes=${choice.value}`);
+      setAttribute(file, "aria-label", t("Axis {axis}, last {span}, as CSV file", { axis: this.axis, span: SPANS[choice.value] }));
+    };
+    choice.addEventListener("change", () => {
+      name();
+      this.choose(Number(choice.value));
+    });
+    name();
+    return make(
+      "figure",
+      { class: "past" },
+      make("div", { class: "past-frame" }, this.element, this.pointer.slider, this.pointer.words),
+      make(
+        "figcaption",
+        { class: "legend" },
+        make("span", { class: "key-position", "aria-hidden": "true", text: t("position") }),
+        make("span", { class: "key-forward", "aria-hidden": "true", text: t("correction") }),
+        make("span", { class: "key-time" }, choice, file),
+      ),
+    );
+  }
+
+  name() {
+    this.title.textContent = t("Last {span} of axis {axis}", { span: SPANS[this.minutes], axis: this.axis });
+  }
+
+  get keptMs() {
+    return this.minutes * MS_PER_MINUTE;
+  }
+
+  /**
+   * Show another span.
+   * @param {number} minutes one of {@link SPANS}
+   */
+  choose(minutes) {
+    this.pointer.set(null);
+    this.minutes = minutes;
+    this.seen = [];
+    this.name();
     void this.fetch();
   }
 
   /** What was before this page was opened. */
   async fetch() {
+    const { minutes } = this;
     try {
-      const answer = await fetch(`history/${encodeURIComponent(this.axis)}`, { cache: "no-store" });
-      if (answer.ok) {
+      const address = `history/${encodeURIComponent(this.axis)}?minutes=${minutes}`;
+      const answer = await fetch(address, { cache: "no-store" });
+      if (answer.ok && minutes === this.minutes) {
         const told = /** @type {Told} */ (await answer.json());
         const now = performance.now();
         const before = told.ages_s.map((age, index) => ({
@@ -63,7 +130,7 @@ export class History {
           correction: told.correction[index],
         }));
         const first = this.seen.length ? this.seen[0].at : Infinity;
-        this.seen = [...before.filter((one) => one.at < first && now - one.at <= KEPT_MS), ...this.seen];
+        this.seen = [...before.filter((one) => one.at < first && now - one.at <= this.keptMs), ...this.seen];
         if (this.scale) {
           this.draw(now, this.scale);
         }
@@ -83,9 +150,9 @@ export class History {
   add(nominal, correction, now, scale) {
     this.scale = scale;
     const newest = this.seen[this.seen.length - 1];
-    if (!newest || now - newest.at >= EVERY_MS) {
+    if (!newest || now - newest.at >= (this.minutes > 10 ? SELDOM_MS : EVERY_MS)) {
       this.seen.push({ at: now, nominal, correction });
-      while (this.seen.length && now - this.seen[0].at > KEPT_MS) {
+      while (this.seen.length && now - this.seen[0].at > this.keptMs) {
         this.seen.shift();
       }
     }
@@ -103,17 +170,72 @@ export class History {
    * @param {import("./figures.js").Scale} scale
    */
   draw(now, scale) {
-    const times = this.seen.map(({ at }) => WIDTH - (now - at) / 1000);
+    const times = this.seen.map(({ at }) => this.acrossOf(at, now));
     const positions = this.seen.map(({ nominal }) => nominal);
     const corrections = this.seen.map(({ correction }) => correction);
-    this.position.setAttribute("d", lineOf(times, positions));
-    this.correction.setAttribute("d", lineOf(times, corrections));
+    const gap = (GAP_MS / this.keptMs) * WIDTH;
+    this.position.setAttribute("d", lineOf(times, positions, gap));
+    this.correction.setAttribute("d", lineOf(times, corrections, gap));
     const [low, high] = ends(positions);
     const [least, most] = ends(corrections);
     this.words.textContent =
-      `Position from ${fixed(low, scale.decimals)} to ${fixed(high, scale.decimals)} ${scale.units}, ` +
-      `correction from ${fixed(least && least * scale.perUnit, scale.smallDecimals, true)} to ` +
-      `${fixed(most && most * scale.perUnit, scale.smallDecimals, true)} ${scale.small}.`;
+      t("Position from {low} to {high} {units}, correction from {least} to {most} {small}.", {
+        low: fixed(low, scale.decimals),
+        high: fixed(high, scale.decimals),
+        units: scale.units,
+        least: fixed(least && least * scale.perUnit, scale.smallDecimals, true),
+        most: fixed(most && most * scale.perUnit, scale.smallDecimals, true),
+        small: scale.small,
+      });
+    this.pointer.redraw();
+  }
+
+  /**
+   * @param {number} at
+   * @param {number} now
+   */
+  acrossOf(at, now) {
+    return WIDTH - ((now - at) / this.keptMs) * WIDTH;
+  }
+
+  /** How many places can be read. */
+  stops() {
+    return this.scale === null ? 0 : this.seen.length;
+  }
+
+  /** @param {number} share of the width, from the left */
+  nearest(share) {
+    const at = performance.now() - (1 - share) * this.keptMs;
+    return nearestOf(this.seen.map((one) => one.at), at);
+  }
+
+  /**
+   * Mark a place, and say when the axis was where.
+   * @param {number | null} index null: none
+   */
+  markAt(index) {
+    const { scale } = this;
+    setAttribute(this.reading, "visibility", index === null ? "hidden" : "visible");
+    if (index === null || scale === null) {
+      return "";
+    }
+    const { at, nominal, correction } = this.seen[index];
+    const now = performance.now();
+    const x = this.acrossOf(at, now).toFixed(1);
+    setAttribute(this.reading, "x1", x);
+    setAttribute(this.reading, "x2", x);
+    const when = timeOfDay(new Date(Date.now() - (now - at)).toISOString());
+    if (nominal === null) {
+      return t("{time}: position not known", { time: when });
+    }
+    const added = correction === null ? null : correction * scale.perUnit;
+    return (
+      t("{time}: {position}, correction {correction}", {
+        time: when,
+        position: `${fixed(nominal, scale.decimals)}\u202f${scale.units}`,
+        correction: `${fixed(added, scale.smallDecimals, true)}\u202f${scale.small}`,
+      })
+    );
   }
 }
 
@@ -134,8 +256,9 @@ function ends(values) {
  * The path of a line that has gaps where nothing is known; it fills the height.
  * @param {number[]} times
  * @param {(number | null)[]} values
+ * @param {number} gap without a time for so long nothing is known
  */
-function lineOf(times, values) {
+function lineOf(times, values, gap) {
   const [low, high] = ends(values);
   if (low === null || high === null) {
     return "";
@@ -145,6 +268,7 @@ function lineOf(times, values) {
   let isGap = true;
   let text = "";
   values.forEach((value, index) => {
+    isGap ||= index > 0 && times[index] - times[index - 1] > gap;
     if (value !== null && times[index] >= 0) {
       text += `${isGap ? "M" : "L"}${times[index].toFixed(1)} ${up(value).toFixed(1)}`;
     }

@@ -1,10 +1,10 @@
 // @ts-check
 // What the gateway itself takes: one axis or line as a histogram, all of them as figures beside their budget.
 
-import { byId, keepChildren, make, setAttribute, setSentence, setText, show, sign } from "./dom.js";
+import { byId, keepChildren, make, setAttribute, setText, show, sign } from "./dom.js";
 import { NOT_KNOWN, count, time } from "./figures.js";
 import { Histogram } from "./histogram.js";
-import { capital } from "./words.js";
+import { t } from "./language.js";
 
 /**
  * @typedef {import("./model.js").Model} Model
@@ -22,21 +22,19 @@ export class Latency {
     /** @type {Model | null} */
     this.model = null;
     this.histogram = new Histogram();
-    this.none = make("p", { class: "quiet no-curve", text: "Nothing has been measured yet." });
+    this.none = make("p", { class: "quiet no-curve", text: t("Nothing has been measured yet.") });
     this.drawing = make("div", { class: "drawing-frame" }, this.histogram.element);
     this.body = make("tbody");
     /** @type {Map<string, Row>} */
     this.rows = new Map();
     /** @type {Map<string, HTMLElement>} */
     this.options = new Map();
-    this.notes = make("ul", { class: "problems" });
     this.room.append(
-      this.notes,
       make("figure", { class: "card times" }, this.drawing, this.none, caption()),
       make(
         "div",
-        { class: "card figures", tabindex: "0", role: "region", "aria-label": "Times in the gateway as figures" },
-        make("table", {}, make("caption", { class: "unseen", text: "Time in the gateway beside its budget" }), head(), this.body),
+        { class: "card figures", tabindex: "0", role: "region", "aria-label": t("Times in the gateway as figures") },
+        make("table", {}, make("caption", { class: "unseen", text: t("Time in the gateway beside its budget") }), head(), this.body),
       ),
     );
     this.select.addEventListener("change", () => {
@@ -61,14 +59,6 @@ export class Latency {
       this.rows.get(measured.key)?.show(measured);
       setText(/** @type {HTMLElement} */ (this.options.get(measured.key)), measured.words);
     }
-    const notes = model.troubles.filter((trouble) => trouble.audience === "retrofitter");
-    const words = notes.map(({ where, what, remedy }) => `${where}: ${what}. ${remedy}`);
-    if (this.notes.dataset.key !== words.join("\n")) {
-      this.notes.dataset.key = words.join("\n");
-      this.notes.replaceChildren(...words.map(() => make("li")));
-      words.forEach((text, number) => setSentence(this.notes.children[number], capital(text)));
-    }
-    show(this.notes, words.length > 0);
     show(this.choice, all.length > 1);
     const shown = byKey.get(this.chosen) ?? all.find((measured) => measured.isOver) ?? all[0];
     if (shown && this.select.value !== shown.key) {
@@ -92,12 +82,17 @@ export class Latency {
       return;
     }
     this.histogram.show({ bounds, below, budget: measured.budget });
-    setText(this.histogram.title, `Time in the gateway, ${measured.words}`);
-    const inBudget = measured.budget === null ? "" : ` The budget is ${time(measured.budget)}.`;
+    setText(this.histogram.title, t("Time in the gateway, {where}", { where: measured.words }));
+    const inBudget = measured.budget === null ? "" : t(" The budget is {time}.", { time: time(measured.budget) });
     setText(
       this.histogram.description,
-      `${count(all)} exchanges: half of them within ${time(measured.times.p50)}, 99 % within ` +
-        `${time(measured.times.p99)}, 99.9 % within ${time(measured.times.p999)}.${inBudget}`,
+      t("{count} exchanges: half of them within {p50}, 99 % within {p99}, 99.9 % within {p999}.{budget}", {
+        count: count(all),
+        p50: time(measured.times.p50),
+        p99: time(measured.times.p99),
+        p999: time(measured.times.p999),
+        budget: inBudget,
+      }),
     );
   }
 }
@@ -123,12 +118,12 @@ class Row {
 }
 
 function head() {
-  const words = ["µs", "p50", "p99", "p99.9", "max", "budget", "over"];
+  const words = ["µs", "p50", "p99", "p99.9", "max", t("budget"), t("over")];
   return make("thead", {}, make("tr", {}, ...words.map((text) => make("th", { scope: "col", text }))));
 }
 
 function caption() {
-  return make("figcaption", { class: "quiet small", text: "Exchanges by the time that the gateway added to them, since its start" });
+  return make("figcaption", { class: "quiet small", text: t("Exchanges by the time that the gateway added to them, since its start") });
 }
 
 /**
@@ -146,7 +141,7 @@ function short(value) {
 function measuredOf(model) {
   const axes = Object.entries(model.axes).map(([name, { latency }]) => ({
     key: `axis ${name}`,
-    words: `axis ${name}`,
+    words: `${t("axis")} ${name}`,
     times: latency.gateway_us,
     budget: latency.budget_us,
     overruns: latency.budget_overruns,
@@ -154,7 +149,7 @@ function measuredOf(model) {
   }));
   const lines = Object.entries(model.lines).map(([name, line]) => ({
     key: `line ${name}`,
-    words: `line ${name}`,
+    words: `${t("line")} ${name}`,
     times: line.gateway_us,
     budget: null,
     overruns: line.budget_overruns ?? 0,

@@ -2,8 +2,9 @@
 // Each line: whether its drives are reached, how much passes, and what went wrong on it.
 
 import { keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
-import { NOT_KNOWN, count, time } from "./figures.js";
+import { NOT_KNOWN, count, span, time } from "./figures.js";
 import { STALE_S } from "./model.js";
+import { t } from "./language.js";
 
 /**
  * @typedef {import("./model.js").Line} Line
@@ -13,14 +14,14 @@ import { STALE_S } from "./model.js";
 
 /** @type {[Counter, string][]} */
 const COUNTERS = [
-  ["timeouts", "Time-outs"],
-  ["crc_errors", "CRC errors"],
-  ["exceptions", "Exceptions"],
-  ["refused", "Refused"],
-  ["late", "Late"],
+  ["timeouts", t("Time-outs")],
+  ["crc_errors", t("CRC errors")],
+  ["exceptions", t("Exceptions")],
+  ["refused", t("Refused")],
+  ["late", t("Late")],
 ];
 /** @type {import("./words.js").State} */
-const UNKNOWN = { words: "Not known", sign: "wait", tone: "note" };
+const UNKNOWN = { words: t("Not known"), sign: "wait", tone: "note" };
 /** @type {import("./words.js").State} */
 const GOOD = { words: "", sign: "ok", tone: "well" };
 /** @type {import("./words.js").State} */
@@ -29,6 +30,8 @@ const AWAY = { words: "", sign: "off", tone: "note" };
 const BROKEN = { words: "", sign: "error", tone: "error" };
 /** @type {Record<string, import("./words.js").State>} */
 const OF_SEVERITY = { error: BROKEN, warning: { words: "", sign: "warning", tone: "warning" } };
+const OF_ALL = new Set(["controller-absent", "controller-silent"]); // of all motion controllers of a line together
+const QUIET_S = 5;
 const RATE_MS = 3000;
 const FRESH_MS = 60_000;
 
@@ -52,12 +55,12 @@ export class LineCard {
     this.element = make(
       "article",
       { class: "card line" },
-      make("header", { class: "card-head" }, make("h3", {}, make("span", { class: "unseen", text: "Line " }), make("span", { text: name })), this.state),
+      make("header", { class: "card-head" }, make("h3", {}, make("span", { class: "unseen", text: `${t("Line")} ` }), make("span", { text: name })), this.state),
       this.drives,
       make(
         "dl",
         { class: "counts" },
-        make("div", {}, make("dt", { text: "Exchanges/s" }), this.rate),
+        make("div", {}, make("dt", { text: t("Exchanges/s") }), this.rate),
         ...COUNTERS.map(([key, words]) => make("div", {}, make("dt", { text: words }), this.counters.get(key) ?? null)),
       ),
       this.list,
@@ -71,13 +74,13 @@ export class LineCard {
    * @param {import("./model.js").Trouble[]} troubles
    */
   show(line, now, isKnown, troubles) {
-    const state = isKnown ? stateOfLine(line) : UNKNOWN;
+    const state = isKnown ? stateOfLine(line, this.troublesOf(troubles)) : UNKNOWN;
     setAttribute(this.state, "class", `state ${state.tone}`);
     setAttribute(this.element, "data-tone", state.tone);
     setSign(this.stateSign, state.sign);
     setText(this.stateWords, state.words);
     const failure = line.drives.failure ? `: ${line.drives.failure}` : "";
-    setText(this.drives, `Drives at ${line.drives.address}${failure}`);
+    setText(this.drives, t("Drives at {address}{failure}", { address: line.drives.address, failure }));
     const rate = this.rateOf(line.exchanges, now);
     setText(this.rate, rate === null ? NOT_KNOWN : rate < 10 ? rate.toFixed(1) : count(Math.round(rate)));
     for (const [key, cell] of this.counters) {
@@ -87,9 +90,21 @@ export class LineCard {
     keepChildren(this.list, this.controllers, [...byName.keys()], () => new ControllerRow(), (row) => row.element);
     for (const [name, controller] of byName) {
       const where = `line ${this.name}, controller ${name}`;
-      const trouble = troubles.find((each) => each.where === where);
+      const isMissed = controller.role === "motion";
+      const trouble = troubles.find(
+        (each) => each.where === where || (isMissed && OF_ALL.has(each.kind) && each.where === `line ${this.name}`),
+      );
       this.controllers.get(name)?.show(controller, isKnown, trouble);
     }
+  }
+
+  /**
+   * What is wrong on this line, its controllers and unit ids included.
+   * @param {import("./model.js").Trouble[]} troubles
+   */
+  troublesOf(troubles) {
+    const where = `line ${this.name}`;
+    return troubles.filter((each) => each.where === where || each.where.startsWith(`${where}, `));
   }
 
   /**
@@ -127,7 +142,7 @@ export class LineCard {
     setText(cell, count(value));
     const isFresh = now - last.changed < FRESH_MS;
     setAttribute(cell, "class", isFresh ? "fresh" : value ? "some" : "");
-    setAttribute(cell, "title", isFresh ? "more within the last minute" : "since the start of the gateway");
+    setAttribute(cell, "title", isFresh ? t("more within the last minute") : t("since the start of the gateway"));
   }
 }
 
@@ -155,44 +170,59 @@ class ControllerRow {
     setSign(this.sign, state.sign);
     setAttribute(this.sign, "class", `sign ${state.tone}`);
     setText(this.name, controller.name);
-    setText(this.role, controller.tls ? "by certificate" : controller.role);
+    setText(this.role, controller.tls ? t("by certificate") : t(controller.role));
     const isGarbled = trouble?.kind === "controller-garbled";
-    setText(this.state, !isKnown ? "not known" : `${isGarbled ? "not understood: " : ""}${stateOf(controller)}`);
+    setText(this.state, !isKnown ? t("not known") : `${isGarbled ? `${t("not understood")}: ` : ""}${stateOf(controller)}${quietOf(controller)}`);
     const address = Array.isArray(controller.address) ? controller.address.join(", ") : controller.address;
     setText(this.address, address);
-    setAttribute(this.element, "title", `time in the gateway: p99 ${time(controller.gateway_us.p99)}`);
+    setAttribute(this.element, "title", t("time in the gateway: p99 {time}", { time: time(controller.gateway_us.p99) }));
     show(this.address, address !== "");
   }
 }
 
 /**
  * @param {Line} line
+ * @param {import("./model.js").Trouble[]} troubles of this line, worst first
  * @returns {import("./words.js").State}
  */
-function stateOfLine(line) {
+function stateOfLine(line, troubles) {
   if (line.state !== "up") {
-    return { words: "Down", sign: "error", tone: "error" };
+    return { words: t("Down"), sign: "error", tone: "error" };
   }
   const own = Object.entries(line.unit_ids?.drives ?? {}).filter(([unitId]) =>
     Object.values(line.unit_ids?.axes ?? {}).some((of) => String(of) === unitId),
   );
   const silent = own.filter(([, drive]) => drive.silent_s !== null && drive.silent_s >= STALE_S).length;
   if (silent) {
-    return { words: `${silent} of ${own.length} drives silent`, sign: "error", tone: "error" };
+    return { words: t("{count} of {all} drives silent", { count: silent, all: own.length }), sign: "error", tone: "error" };
   }
-  return { words: "Up", sign: "ok", tone: "well" };
+  if (troubles.length) {
+    return { ...(OF_SEVERITY[troubles[0].severity] ?? BROKEN), words: t("Drives up") };
+  }
+  return { words: t("Up"), sign: "ok", tone: "well" };
+}
+
+/**
+ * How long ago a controller that is quiet asked last.
+ * @param {Controller} controller
+ */
+function quietOf({ asked_s: asked, silent_s: silent }) {
+  if (silent === undefined || silent < QUIET_S) {
+    return "";
+  }
+  return asked === null ? t(", has not asked yet") : t(", asked last {span} ago", { span: span(silent) });
 }
 
 /** @param {Controller} controller */
 function stateOf(controller) {
   const { connections, state, failure } = controller;
   if (connections === undefined) {
-    return `${state === "up" ? "port open" : "port closed"}${failure ? `: ${failure}` : ""}`;
+    return `${state === "up" ? t("port open") : t("port closed")}${failure ? `: ${failure}` : ""}`;
   }
   if (connections.length === 0) {
-    return "not connected";
+    return t("not connected");
   }
   const sessions = controller.tls?.sessions ?? [];
   const who = sessions.length ? `: ${sessions.map((session) => `${session.subject} (${session.certified})`).join(", ")}` : "";
-  return `${connections.length === 1 ? "connected" : `${connections.length} connections`}${who}`;
+  return `${connections.length === 1 ? t("connected") : t("{count} connections", { count: connections.length })}${who}`;
 }

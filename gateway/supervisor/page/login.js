@@ -1,6 +1,8 @@
 // @ts-check
 // Shows the token to the gateway, once. It goes in the body of a request, never into an address.
 
+import { t } from "./language.js";
+
 const form = /** @type {HTMLFormElement} */ (document.getElementById("form"));
 const token = /** @type {HTMLInputElement} */ (document.getElementById("token"));
 const enter = /** @type {HTMLButtonElement} */ (document.getElementById("enter"));
@@ -23,15 +25,15 @@ async function logIn() {
       return "";
     }
     if (answer.status === 401) {
-      return "That is no token of this gateway.";
+      return t("That is no token of this gateway.");
     }
     if (answer.status === 429) {
       const seconds = Number(answer.headers.get("Retry-After")) || 60;
-      return `Too many wrong tokens came from here. Try again in ${seconds} seconds.`;
+      return t("Too many wrong tokens came from here. Try again in {count} seconds.", { count: seconds });
     }
-    return `The gateway answered ${answer.status}. Try again later.`;
+    return t("The gateway answered {status}. Try again later.", { status: answer.status });
   } catch {
-    return "The gateway does not answer.";
+    return t("The gateway does not answer.");
   }
 }
 
@@ -55,7 +57,7 @@ form.addEventListener("submit", (happening) => {
 reveal.addEventListener("click", () => {
   const isShown = token.type === "password";
   token.type = isShown ? "text" : "password";
-  reveal.textContent = isShown ? "Hide" : "Show";
+  reveal.textContent = isShown ? t("Hide") : t("Show");
   reveal.setAttribute("aria-pressed", String(isShown));
   token.focus();
 });

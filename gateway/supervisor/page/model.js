@@ -23,13 +23,12 @@
  *             gain: { forward: number, backward: number }, travel: [number, number] | null,
  *             nominal_setpoint: number | null, corrected_setpoint: number | null,
  *             nominal_actual: number | null, corrected_actual: number | null, table: TableState,
- *             writer?: string | null, terms?: Terms | null, trouble?: AxisTrouble | null,
-             last_seen?: { nominal: number, corrected: number | null, age_s: number } | null,
+ * *             writer?: string | null, terms?: Terms | null, verdict: AxisVerdict, position: Position,
  *             latency: { gateway_us: Times, budget_us: number, budget_overruns: number,
  *                        is_over_budget: boolean } }} Axis
  *
  * @typedef {{ name: string, role: string, address: string | string[], connections?: string[], state?: string,
- *             failure?: string, gateway_us: Times,
+ *             failure?: string, asked_s?: number | null, silent_s?: number, gateway_us: Times,
  *             tls?: { sessions?: { subject: string, certified: string }[] } }} Controller
  *
  * @typedef {{ silent_s: number | null, answered_s: number | null }} Drive
@@ -39,15 +38,22 @@
  *             budget_overruns?: number, gateway_us: Times, controllers: Controller[],
  *             drives: { address: string, failure: string } }} Line
  *
- * @typedef {{ kind: string, severity: string, title: string, cuts_off: boolean }} AxisTrouble the worst of an axis;
- *             `cuts_off`: nobody knows where it is
+ * @typedef {{ state: string, since: string, errors: number, warnings: number }} Verdict how the gateway is: healthy,
+ *             waiting, warning or error
+ *
+ * @typedef {{ state: string, kind: string, title: string, since: string }} AxisVerdict the same of an axis; `title` is
+ *             empty where the state of the compensation says it
+ *
+ * @typedef {{ of: string | null, nominal: number | null, corrected: number | null, age_s: number | null,
+ *             is_at_least: boolean }} Position what is known best of where an axis is: a reading, the last reading or
+ *             the target; null: nothing
  *
  * @typedef {{ kind: string, severity: string, where: string, what: string, remedy: string, since?: string,
- *             audience?: string }} Trouble
+ *             says?: import("./language.js").Said, axes?: string[], acknowledged?: { by: string, at: string } | null }} Trouble
  *
  * @typedef {{ gateway: { name: string, version: string, uptime_s: number | null, relay: string,
  *                        snapshot_age_s: number | null, latency_bounds_us?: number[] },
- *             lines: Record<string, Line>, axes: Record<string, Axis>, troubles: Trouble[] }} Model
+ *             lines: Record<string, Line>, axes: Record<string, Axis>, verdict: Verdict, troubles: Trouble[] }} Model
  *
  * @typedef {{ number: number, time: string, event: string, severity: string, axis?: string, line?: string,
  *             detail?: string } & Record<string, unknown>} Happening

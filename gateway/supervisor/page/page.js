@@ -11,8 +11,10 @@ import { Latency } from "./latency.js";
 import { LineCard } from "./line_cards.js";
 import { isFresh } from "./model.js";
 import { showSession } from "./session.js";
+import { Sound } from "./sound.js";
 import { Stream } from "./stream.js";
 import { Tables } from "./tables.js";
+import { offerLanguages, t } from "./language.js";
 
 /** @typedef {import("./model.js").Model} Model */
 
@@ -22,6 +24,8 @@ class Page {
     this.events = new EventList();
     this.latency = new Latency();
     this.frames = new Frames();
+    this.sound = new Sound();
+    void showSession(() => this.banner.allow());
     /** @type {Map<string, AxisCard>} */
     this.axes = new Map();
     /** @type {Map<string, LineCard>} */
@@ -34,12 +38,13 @@ class Page {
     this.isDrawn = true;
     this.isSilent = true;
     this.linkSign = sign("wait");
-    this.linkWords = make("span", { text: "Connecting" });
+    this.linkWords = make("span", { text: t("Connecting") });
     byId("link").append(this.linkSign, this.linkWords);
     document.addEventListener("visibilitychange", () => this.drawSoon());
     this.stream = new Stream("events", "status", {
       status: (model) => {
         this.model = model;
+        this.sound.hear(model.troubles);
         this.showMark();
         this.drawSoon();
       },
@@ -72,10 +77,10 @@ class Page {
     }
     const { gateway } = model;
     setText(byId("name"), gateway.name);
-    const runs = gateway.uptime_s === null ? "" : ` · runs for ${span(gateway.uptime_s)}`;
+    const runs = gateway.uptime_s === null ? "" : ` · ${t("runs for {span}", { span: span(gateway.uptime_s) })}`;
     setText(byId("about"), `pitch-gateway ${gateway.version}${runs}`);
     setAttribute(document.body, "data-fresh", isFresh(model) ? "yes" : "no");
-    this.banner.show(ofOperator(model), allWell(model));
+    this.banner.show(model.verdict, model.troubles, contentsOf(model));
     this.drawAxes(model, now);
     const lines = Object.keys(model.lines);
     keepChildren(byId("lines"), this.lines, lines, (name) => new LineCard(name), (card) => card.element);
@@ -114,6 +119,7 @@ class Page {
   /** @param {number | null} silentMs */
   showSilence(silentMs) {
     this.isSilent = silentMs !== null;
+    this.sound.hearSilence(this.isSilent);
     this.banner.showSilence(silentMs, this.model !== null);
     setAttribute(document.body, "data-link", this.isSilent ? "lost" : "live");
     this.showLink();
@@ -127,25 +133,19 @@ class Page {
       setAttribute(document.body, "data-link", relay === null ? "live" : "relay");
     }
     setAttribute(this.linkSign.children[0], "href", isLost || relay ? "#i-error" : this.model ? "#i-ok" : "#i-wait");
-    const ofRelay = relay === "up" ? "Relay silent: it may not obey" : "Relay down: nothing passes";
-    setText(this.linkWords, isLost ? "No connection" : relay ? ofRelay : this.model ? "Live" : "Connecting");
+    const ofRelay = relay === "up" ? t("Relay silent: it may not obey") : t("Relay down: nothing passes");
+    setText(this.linkWords, isLost ? t("No connection") : relay ? ofRelay : this.model ? t("Live") : t("Connecting"));
   }
 
   /** The tab's name and icon; also while nobody sees the page. */
   showMark() {
-    const troubles = this.model ? ofOperator(this.model) : [];
     const isLost = document.body.dataset.link === "lost";
-    const isBad = isLost || troubles.some((trouble) => trouble.severity === "error");
+    const verdict = this.model?.verdict.state;
+    const words = isLost ? t("no connection") : t(verdict ?? "connecting");
+    const isBad = isLost || verdict === "error";
     setAttribute(byId("favicon"), "href", isBad ? "page/icon-trouble.svg" : "page/icon.svg");
     const name = this.model?.gateway.name ?? "Pitch gateway";
-    const state = isLost
-      ? "no connection"
-      : troubles.length
-        ? `${troubles.length} ${troubles.length === 1 ? "trouble" : "troubles"}`
-        : this.model
-          ? "all is well"
-          : "connecting";
-    const title = `${isBad || troubles.length ? "⚠ " : ""}${name}: ${state}`;
+    const title = `${isBad || verdict === "warning" ? "⚠ " : ""}${name}: ${words}`;
     if (document.title !== title) {
       document.title = title;
     }
@@ -153,33 +153,28 @@ class Page {
 }
 
 /**
- * What whoever runs the machine has to know.
+ * What the gateway has, as `2 lines, 3 axes`.
  * @param {Model} model
  */
-function ofOperator(model) {
-  return model.troubles.filter((trouble) => trouble.audience !== "retrofitter");
-}
-
-/** @param {Model} model */
-function allWell(model) {
+function contentsOf(model) {
   const axes = Object.keys(model.axes).length;
   const lines = Object.keys(model.lines).length;
-  const parts = [`${lines} ${lines === 1 ? "line" : "lines"} up`];
+  const parts = [`${lines} ${lines === 1 ? t("line") : t("lines")}`];
   if (axes) {
-    parts.push(`${axes} ${axes === 1 ? "axis" : "axes"}`);
+    parts.push(`${axes} ${axes === 1 ? t("axis") : t("axes")}`);
   }
-  return `All is well: ${parts.join(", ")}.`;
+  return parts.join(", ");
 }
 
 /** The switch for light and dark, which this browser remembers. */
 function offerColours() {
   const button = byId("theme");
   const order = ["auto", "light", "dark"];
-  const words = { auto: "auto", light: "light", dark: "dark" };
+  const words = { auto: t("auto"), light: t("light"), dark: t("dark") };
   const root = document.documentElement;
   const showChoice = () => {
     const chosen = /** @type {keyof typeof words} */ (root.dataset.theme ?? "auto");
-    setText(button, `Colours: ${words[chosen]}`);
+    setText(button, t("Colours: {choice}", { choice: words[chosen] }));
   };
   button.addEventListener("click", () => {
     const next = order[(order.indexOf(root.dataset.theme ?? "auto") + 1) % order.length];
@@ -198,6 +193,6 @@ function offerColours() {
   showChoice();
 }
 
+offerLanguages(/** @type {HTMLSelectElement} */ (byId("language")));
 offerColours();
-void showSession();
 new Page();

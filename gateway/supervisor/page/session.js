@@ -1,22 +1,46 @@
 // @ts-check
-// Who looks, where the gateway asks that: a button to log out, and the page that asks once a session is over.
+// Who looks, where the gateway asks that, and what he may: log out, and acknowledge alarms.
 
 import { byId, make, show } from "./dom.js";
+import { t } from "./language.js";
 
-/** Show the button to whoever has a session, and see to it that it ends one. */
-export async function showSession() {
+/**
+ * Show the button to whoever has a session, and see to it that it ends one.
+ * @param {() => void} mayAcknowledge called where whoever looks may acknowledge alarms
+ */
+export async function showSession(mayAcknowledge) {
   try {
     const answer = await fetch("session", { cache: "no-store" });
-    const { by, how } = await answer.json();
+    const { by, how, may_acknowledge: may } = await answer.json();
+    if (answer.ok && may) {
+      mayAcknowledge();
+    }
     if (answer.ok && how === "session") {
       const button = /** @type {HTMLButtonElement} */ (byId("logout"));
-      button.append(make("span", { text: "Log out" }));
-      button.title = `Logged in with the token “${by}”`;
+      button.append(make("span", { text: t("Log out") }));
+      button.title = t("Logged in with the token “{name}”", { name: by });
       button.addEventListener("click", () => void logOut(button));
       show(button, true);
     }
   } catch {
     // Nobody is there; what shows the status says so.
+  }
+}
+
+/**
+ * Acknowledge an alarm; returns why not, "" where it is done.
+ * @param {{ kind: string, where: string, since?: string }} alarm
+ */
+export async function acknowledged(alarm) {
+  try {
+    const headers = { "Content-Type": "application/json" };
+    const answer = await fetch("acknowledge", { method: "POST", headers, body: JSON.stringify(alarm) });
+    if (answer.status === 401) {
+      askAgain(); // the session is over
+    }
+    return answer.ok ? "" : answer.status === 404 ? t("This alarm has just changed. Look again.") : t("Not acknowledged: the gateway refused it.");
+  } catch {
+    return t("Not acknowledged: the gateway does not answer.");
   }
 }
 

@@ -4,6 +4,7 @@
 import { make, setAttribute, setSign, setText, show, sign } from "./dom.js";
 import { NOT_KNOWN, fixed, scaleOf, span } from "./figures.js";
 import { otherAxes, sensor } from "./words.js";
+import { t } from "./language.js";
 
 /**
  * @typedef {import("./model.js").Terms} TermsOf
@@ -59,18 +60,18 @@ export class Terms {
     if (thermal) {
       const { celsius, age_s: age, correction = null } = thermal;
       const degrees = celsius === null ? "" : `${fixed(celsius, 1)}\u202f°C`;
-      const silence = age === null ? "" : ` for ${span(age)}`;
+      const silence = age === null ? "" : t(" for {span}", { span: span(age) });
       const state = sensor(thermal.state, thermal.is_silent, celsius !== null, silence, isAdded(correction));
-      this.thermal.show("Temperature", words(degrees, adds(correction, scale)), state);
+      this.thermal.show(t("Temperature"), words(degrees, adds(correction, scale)), state);
     }
     show(this.cross.element, Boolean(cross));
     if (cross) {
-      const name = `${cross.axes.length === 1 ? "Axis" : "Axes"} ${cross.axes.join(", ")}`;
+      const name = `${cross.axes.length === 1 ? t("Axis") : t("Axes")} ${cross.axes.join(", ")}`;
       this.cross.show(name, words(adds(cross.correction, scale)), otherAxes(cross.state, isAdded(cross.correction)));
     }
     show(this.limit.element, Boolean(terms?.is_too_large));
-    this.limit.show("Limit", "reached", {
-      words: "at max_correction: not followed",
+    this.limit.show(t("Limit"), t("reached"), {
+      words: t("at max_correction: not followed"),
       sign: "warning",
       tone: "warning",
     });
@@ -89,7 +90,9 @@ function isAdded(correction) {
 function adds(correction, scale) {
   return correction === null
     ? ""
-    : `adds ${fixed(correction * scale.perUnit, scale.smallDecimals, true)}\u202f${scale.small}`;
+    : t("adds {correction}", {
+        correction: `${fixed(correction * scale.perUnit, scale.smallDecimals, true)}\u202f${scale.small}`,
+      });
 }
 
 /** @param {...string} parts */

@@ -1,101 +1,116 @@
 // @ts-check
 // The gateway's own names in words, and the sign and colour that go with each.
 
+import { t } from "./language.js";
+
 /** @typedef {{ words: string, sign: string, tone: string }} State `tone`: well, note, warning or error */
 
 /** @type {Record<string, State>} */
 const COMPENSATION = {
-  active: { words: "Compensated", sign: "ok", tone: "well" },
-  blending: { words: "Blending over", sign: "blend", tone: "note" },
-  shadow: { words: "Shadow: shown, not applied", sign: "shadow", tone: "warning" },
-  off: { words: "Off: not compensated", sign: "off", tone: "warning" },
-  unreferenced: { words: "Not referenced", sign: "warning", tone: "warning" },
-  "no-table": { words: "No table", sign: "off", tone: "note" },
-  outside: { words: "Outside the table", sign: "warning", tone: "warning" },
-  blocked: { words: "Blocked", sign: "error", tone: "error" },
+  active: { words: t("Compensated"), sign: "ok", tone: "well" },
+  blending: { words: t("Blending over"), sign: "blend", tone: "note" },
+  shadow: { words: t("Shadow: shown, not applied"), sign: "shadow", tone: "warning" },
+  off: { words: t("Off: not compensated"), sign: "off", tone: "warning" },
+  unreferenced: { words: t("Not referenced"), sign: "warning", tone: "warning" },
+  "no-table": { words: t("No table"), sign: "off", tone: "note" },
+  outside: { words: t("Outside the table"), sign: "warning", tone: "warning" },
+  blocked: { words: t("Blocked"), sign: "error", tone: "error" },
+};
+
+/** @type {Record<string, State>} the verdicts of the gateway, each in one word */
+const VERDICT = {
+  healthy: { words: t("Healthy"), sign: "ok", tone: "well" },
+  waiting: { words: t("Waiting"), sign: "wait", tone: "note" },
+  warning: { words: t("Warning"), sign: "warning", tone: "warning" },
+  error: { words: t("Error"), sign: "error", tone: "error" },
 };
 
 /** @type {Record<string, State>} */
 const TABLE = {
-  active: { words: "in force", sign: "ok", tone: "well" },
-  waiting: { words: "is being written: not read yet", sign: "wait", tone: "note" },
-  rejected: { words: "rejected: the last good one stays", sign: "error", tone: "error" },
-  removed: { words: "removed", sign: "off", tone: "warning" },
-  none: { words: "no table", sign: "off", tone: "note" },
+  active: { words: t("in force"), sign: "ok", tone: "well" },
+  waiting: { words: t("is being written: not read yet"), sign: "wait", tone: "note" },
+  rejected: { words: t("rejected: the last good one stays"), sign: "error", tone: "error" },
+  removed: { words: t("removed"), sign: "off", tone: "warning" },
+  none: { words: t("no table"), sign: "off", tone: "note" },
 };
 
 /** @type {Record<string, { words: string, sign: string }>} */
 const DIRECTION = {
-  forward: { words: "forward", sign: "forward" },
-  backward: { words: "backward", sign: "backward" },
-  unsure: { words: "direction unsure", sign: "unknown" },
-  unknown: { words: "direction unknown", sign: "unknown" },
+  forward: { words: t("forward"), sign: "forward" },
+  backward: { words: t("backward"), sign: "backward" },
+  unsure: { words: t("direction unsure"), sign: "unknown" },
+  unknown: { words: t("direction unknown"), sign: "unknown" },
 };
 
 /** @type {Record<string, State>} */
 const OTHER_AXES = {
-  waiting: { words: "place not known yet", sign: "wait", tone: "note" },
-  held: { words: "place not known: held", sign: "wait", tone: "note" },
-  fading: { words: "place not known: fading", sign: "warning", tone: "warning" },
-  faded: { words: "place not known: gone", sign: "warning", tone: "warning" },
+  waiting: { words: t("place not known yet"), sign: "wait", tone: "note" },
+  held: { words: t("place not known: held"), sign: "wait", tone: "note" },
+  fading: { words: t("place not known: fading"), sign: "warning", tone: "warning" },
+  faded: { words: t("place not known: gone"), sign: "warning", tone: "warning" },
 };
 
 /** @type {Record<string, string>} */
 const EVENTS = {
-  "line-up": "Line up",
-  "line-down": "Line down",
-  "drives-not-reached": "Drives not reached",
-  "drive-silent": "Drive does not answer",
-  "drive-backed-off": "Drive not asked any more",
-  "drive-answers": "Drive answers again",
-  "axis-referenced": "Axis referenced",
-  "reference-lost": "Reference lost",
-  "direction-unsure": "Direction unsure",
-  "compensation-ended": "Compensation ended",
-  "refused-value": "Value refused",
-  "axis-blocked": "Axis blocked",
-  "axis-released": "Axis released",
-  restaged: "Target written once more",
-  "unknown-mode": "Unknown mode",
-  "stored-move": "Stored move",
-  "base-unknown": "Start of a relative move unknown",
-  restored: "Went on where it was",
-  "record-not-used": "Record of the last run not used",
-  withdrawn: "Request withdrawn",
-  "late-target": "Late target",
-  "budget-overrun": "Latency budget overrun",
-  "budget-kept": "Latency budget kept again",
-  "late-reply": "Late reply",
-  "table-activated": "Table in force",
-  "table-handed-over": "Table handed over",
-  "table-taken-away": "Table taken away",
-  "table-removed": "Table removed",
-  "table-rejected": "Table rejected",
-  "table-refused": "Table refused",
-  "table-mended": "Table mended",
-  "gain-changed": "Gain changed",
-  "limits-changed": "Limits changed",
-  "configuration-changed": "Configuration changed",
-  "reload-refused": "Reload refused",
-  "nothing-to-reload": "Nothing to reload",
-  supervising: "Supervisor started",
-  "relay-reached": "Relay reached",
-  "relay-not-reached": "Relay not reached",
-  "watching-by-looks": "Tables folder is looked at every second",
-  enabled: "Compensation switched on",
-  disabled: "Compensation switched off",
-  referenced: "Taken as referenced",
-  "term-follows": "Temperature or other axes known",
-  "term-held": "Temperature or other axes not known: held",
-  "term-fades": "Temperature or other axes not known: fading",
-  "term-too-large": "Temperature or other axes add too much",
-  "temperature-wrong": "Wrong temperature",
-  "temperature-not-read": "Temperature not read",
+  "line-up": t("Line up"),
+  "line-down": t("Line down"),
+  "drives-not-reached": t("Drives not reached"),
+  "drive-silent": t("Drive does not answer"),
+  "drive-backed-off": t("Drive not asked any more"),
+  "drive-answers": t("Drive answers again"),
+  "axis-referenced": t("Axis referenced"),
+  "reference-lost": t("Reference lost"),
+  "direction-unsure": t("Direction unsure"),
+  "compensation-ended": t("Compensation ended"),
+  "refused-value": t("Value refused"),
+  "axis-blocked": t("Axis blocked"),
+  "axis-released": t("Axis released"),
+  restaged: t("Target written once more"),
+  "unknown-mode": t("Unknown mode"),
+  "stored-move": t("Stored move"),
+  "base-unknown": t("Start of a relative move unknown"),
+  restored: t("Went on where it was"),
+  "record-not-used": t("Record of the last run not used"),
+  withdrawn: t("Request withdrawn"),
+  "late-target": t("Late target"),
+  "budget-overrun": t("Latency budget overrun"),
+  "budget-kept": t("Latency budget kept again"),
+  "late-reply": t("Late reply"),
+  "table-activated": t("Table in force"),
+  "table-handed-over": t("Table handed over"),
+  "table-taken-away": t("Table taken away"),
+  "table-removed": t("Table removed"),
+  "table-rejected": t("Table rejected"),
+  "table-refused": t("Table refused"),
+  "table-mended": t("Table mended"),
+  "gain-changed": t("Gain changed"),
+  "limits-changed": t("Limits changed"),
+  "configuration-changed": t("Configuration changed"),
+  "reload-refused": t("Reload refused"),
+  "nothing-to-reload": t("Nothing to reload"),
+  supervising: t("Supervisor started"),
+  "relay-reached": t("Relay reached"),
+  "relay-not-reached": t("Relay not reached"),
+  "watching-by-looks": t("Tables folder is looked at every second"),
+  enabled: t("Compensation switched on"),
+  disabled: t("Compensation switched off"),
+  referenced: t("Taken as referenced"),
+  "term-follows": t("Temperature or other axes known"),
+  "term-held": t("Temperature or other axes not known: held"),
+  "term-fades": t("Temperature or other axes not known: fading"),
+  "term-too-large": t("Temperature or other axes add too much"),
+  "temperature-wrong": t("Wrong temperature"),
+  "temperature-not-read": t("Temperature not read"),
 };
 
 /** @param {string} state @returns {State} */
 export function compensation(state) {
   return COMPENSATION[state] ?? { words: state, sign: "info", tone: "note" };
+}
+
+/** @param {string} state @returns {State} */
+export function verdict(state) {
+  return VERDICT[state] ?? { words: state, sign: "info", tone: "note" };
 }
 
 /** @param {string} state @returns {State} */
@@ -108,7 +123,7 @@ export function direction(direction) {
   return DIRECTION[direction] ?? { words: direction, sign: "unknown" };
 }
 
-const GOING = "going with the next target";
+const GOING = t("going with the next target");
 
 /**
  * How the sensor of an axis's temperature is; null where it is heard.
@@ -121,15 +136,15 @@ const GOING = "going with the next target";
  */
 export function sensor(state, isSilent, isHeard, silence, isAdded) {
   if (state === "following") {
-    return isHeard ? null : { words: "not heard since the restart: held", sign: "wait", tone: "note" };
+    return isHeard ? null : { words: t("not heard since the restart: held"), sign: "wait", tone: "note" };
   }
   if (state === "waiting") {
     return isSilent
-      ? { words: "sensor never heard: nothing added", sign: "warning", tone: "warning" }
-      : { words: "waiting for the sensor", sign: "wait", tone: "note" };
+      ? { words: t("sensor never heard: nothing added"), sign: "warning", tone: "warning" }
+      : { words: t("waiting for the sensor"), sign: "wait", tone: "note" };
   }
-  const found = { held: "held", fading: "fading", faded: isAdded ? GOING : "gone" }[state] ?? state;
-  return { words: `sensor silent${silence}: ${found}`, sign: "warning", tone: "warning" };
+  const found = { held: t("held"), fading: t("fading"), faded: isAdded ? GOING : t("gone") }[state] ?? state;
+  return { words: t("sensor silent{silence}: {state}", { silence, state: found }), sign: "warning", tone: "warning" };
 }
 
 /**
@@ -143,7 +158,7 @@ export function otherAxes(state, isAdded) {
     return null;
   }
   const found = OTHER_AXES[state] ?? { words: state, sign: "info", tone: "note" };
-  return state === "faded" && isAdded ? { ...found, words: `place not known: ${GOING}` } : found;
+  return state === "faded" && isAdded ? { ...found, words: t("place not known: {state}", { state: GOING }) } : found;
 }
 
 /** @param {string} event */
@@ -186,10 +201,10 @@ export function about(happening) {
  */
 export function whereOf(happening) {
   if (happening.axis) {
-    return `axis ${happening.axis}`;
+    return `${t("axis")} ${happening.axis}`;
   }
   if (Array.isArray(happening.axes) && happening.axes.length) {
-    return `${happening.axes.length === 1 ? "axis" : "axes"} ${happening.axes.join(", ")}`;
+    return `${happening.axes.length === 1 ? t("axis") : t("axes")} ${happening.axes.join(", ")}`;
   }
-  return happening.line && typeof happening.line === "string" ? `line ${happening.line}` : "";
+  return happening.line && typeof happening.line === "string" ? `${t("line")} ${happening.line}` : "";
 }

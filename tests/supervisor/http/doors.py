@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.config.http_model import HttpSection, HttpTlsSection, TokenSection
+from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.http.handshakes import HandshakeLimits
 from gateway.supervisor.http.limits import TCP, Limits
 from gateway.transport.certificates import now_utc
@@ -46,6 +47,7 @@ def section(
     tokens: bool = True,
     clients: bool = False,
     revoked: str | None = None,
+    may_acknowledge: bool = False,
 ) -> HttpSection:
     tls = None
     if certificates is not None:
@@ -55,7 +57,8 @@ def section(
             clients=str(certificates / "ca.crt") if clients else None,
             revoked=None if revoked is None else str(certificates / revoked),
         )
-    names = (TokenSection(name="people", file="people.token"),) if tokens else ()
+    people = TokenSection(name="people", file="people.token", acknowledge=may_acknowledge)
+    names = (people,) if tokens else ()
     return HttpSection(listen=f"127.0.0.1:{port}", tokens=names, tls=tls)
 
 
@@ -133,13 +136,16 @@ async def asking(
     tcp: Limits = TCP,
     handshakes: HandshakeLimits = HandshakeLimits(),  # noqa: B008
     now: Callable[[], datetime] = now_utc,
+    acknowledge: Callable[[str, str, str, str], Acknowledgement | None] | None = None,
 ) -> AsyncIterator[Asking]:
     """A service that asks, with one token, ``people``; over TLS where there are certificates."""
     write_token(folder, TOKEN)
-    async with serving(folder, tcp=tcp, handshakes=handshakes, now=now) as served:
+    seen = acknowledge or (lambda *_: None)
+    async with serving(folder, tcp=tcp, handshakes=handshakes, now=now, acknowledge=seen) as served:
         served.feeds.publish(model())
         before = len(served.said)
-        wanted = section(served.port, certificates, tokens=tokens, clients=clients)
-        served.service.configure(wanted, folder)
+        may = acknowledge is not None
+        wanted = section(served.port, certificates, tokens=tokens, clients=clients, may_acknowledge=may)
+        served.service.configure(wanted, "mill-1", folder)
         await until(lambda: "http-ready" in [event for event, _ in served.said[before:]])
         yield Asking(served, folder, certificates)

@@ -3,8 +3,8 @@
 import asyncio
 import contextlib
 import json
-from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass, field
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from gateway.config.http_model import HttpSection
 from gateway.ipc.compiled_table import compiled, digest_of
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
 from gateway.ipc.state_folder import table_path, write_whole
+from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.handshakes import HandshakeLimits
 from gateway.supervisor.http.limits import LOCAL, TCP, Limits
@@ -23,6 +24,7 @@ from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.http.window import Window
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.past import Noted
 from gateway.transport.certificates import now_utc
 from tests.ports import free_port
 
@@ -302,6 +304,8 @@ async def serving(
     settings: AxisSettings | None = None,
     outcome: Outcome | None = None,
     now: Callable[[], datetime] = now_utc,
+    acknowledge: Callable[[str, str, str, str], Acknowledgement | None] = lambda *_: None,
+    history: Callable[[str, float], Awaitable[Sequence[Noted] | None]] | None = None,
 ) -> AsyncIterator[Served]:
     """A service that is open on both of its listeners."""
     feeds = Feeds() if feeds is None else feeds
@@ -314,10 +318,12 @@ async def serving(
     def say(event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
         served.said.append((event.name, fields))
 
-    window = Window(feeds, state, lambda axis: settings, reload, say)
+    window = Window(feeds, state, lambda axis: settings, reload, say, acknowledge=acknowledge)
+    if history is not None:
+        window = replace(window, history=history)
     service = HttpService(window, tcp, local, handshakes, now=now)
     served = Served(service, feeds, port, state)
-    service.configure(HttpSection(listen=f"127.0.0.1:{port}"), Path())
+    service.configure(HttpSection(listen=f"127.0.0.1:{port}"), "mill-1", Path())
     running = asyncio.create_task(service.run())
     try:
         await until(lambda: running.done() or (bool(served.said) and served.local.exists()))

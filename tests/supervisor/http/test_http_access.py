@@ -33,6 +33,7 @@ async def test_whoever_shows_the_token_looks(tmp_path: Path) -> None:
             "by": "people",
             "how": "token",
             "ends_in_s": None,
+            "may_acknowledge": False,
         }
         assert (await visitor.ask("/", bearer(TOKEN))).body.count(b"page/page.js") == 1
 
@@ -114,7 +115,7 @@ async def test_a_session_is_opened_for_a_token_and_closed(tmp_path: Path) -> Non
         assert (answer.status, answer.data) == (200, {"by": "people"})
         cookie, *marks = answer.headers["set-cookie"].split("; ")
         name, _, value = cookie.partition("=")
-        assert name == f"pitch-gateway-{visitor.served.port}"
+        assert name == f"pitch-gateway-mill-1-{visitor.served.port}"
         assert len(value) == 43  # 256 bits in base64
         assert marks == ["Path=/", "Max-Age=43200", "HttpOnly", "SameSite=Strict"]
         shown = f"Cookie: theme=dark; {cookie}"

@@ -64,7 +64,7 @@ async def test_the_end_of_the_pages_certificate_is_told_before_and_when_it_comes
 def test_files_are_named_from_the_root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     two_days(tmp_path / "certificates")
     monkeypatch.chdir(tmp_path)
-    wanted = wanted_by(section(1, Path("certificates")), Path())
+    wanted = wanted_by(section(1, Path("certificates")), "mill-1", Path())
     assert wanted is not None
     assert [held.file for held in wanted.held()] == [str(tmp_path / "certificates" / "page.crt")]
 
@@ -76,11 +76,11 @@ async def test_serving_anew_does_not_tell_of_the_same_certificate_again(tmp_path
         await until(lambda: bool(visitor.events("certificate-ends-soon")))
         before = len(visitor.events("http-ready"))
         wanted = section(visitor.served.port, folder, clients=True)
-        visitor.served.service.configure(wanted, tmp_path)
+        visitor.served.service.configure(wanted, "mill-1", tmp_path)
         await until(lambda: len(visitor.events("http-ready")) > before)
         assert len(visitor.served.service.status["certificates"]) == 2
         assert len(visitor.events("certificate-ends-soon")) == 1
-        visitor.served.service.configure(section(visitor.served.port, None), tmp_path)
+        visitor.served.service.configure(section(visitor.served.port, None), "mill-1", tmp_path)
         await until(lambda: visitor.served.service.status["certificates"] == [])
 
 

@@ -88,7 +88,16 @@ async def test_health_fails_when_commands_do_not_reach_the_drives(
             )
         )
         well = await served.ask("/healthz")
-        assert (well.status, well.body) == (200, b"ok\n")
+        assert (well.status, well.body.decode().splitlines()) == (
+            200,
+            [
+                "warning",
+                "warning: axis x: not referenced: positions pass uncorrected",
+                "warning: mqtt: refused",
+            ],
+        )
+        served.feeds.publish(model())
+        assert (await served.ask("/healthz")).body == b"ok\n"
 
 
 async def test_whoever_asks_for_something_else_is_told_what_there_is(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ async def test_a_port_that_is_taken_is_tried_again(tmp_path: Path, monkeypatch: 
         with socket.create_server(("127.0.0.1", 0)) as taken:
             address = f"127.0.0.1:{taken.getsockname()[1]}"
             served.said.clear()
-            served.service.configure(HttpSection(listen=address), Path())
+            served.service.configure(HttpSection(listen=address), "mill-1", Path())
             for _ in range(5):  # meanwhile it is tried a few times, and said once
                 assert (await served.ask("/metrics", is_local=True)).status == 200
             await until(lambda: bool(served.said))
@@ -58,7 +58,7 @@ async def test_a_port_that_is_taken_is_tried_again(tmp_path: Path, monkeypatch: 
 async def test_a_host_that_does_not_exist_is_a_problem(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
         served.said.clear()
-        served.service.configure(HttpSection(listen="nowhere.invalid:8480"), Path())
+        served.service.configure(HttpSection(listen="nowhere.invalid:8480"), "mill-1", Path())
         await until(lambda: bool(served.said))
         assert served.said[0][0] == "http-not-open"
         assert str(served.service.status["problem"]).startswith("nowhere.invalid:8480: ")
@@ -70,7 +70,7 @@ async def test_another_address_in_the_configuration_is_taken_over(tmp_path: Path
         await reader.say("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
         await reader.until(b"retry: 2000\n\n")
         old, served.port = served.port, free_port()
-        served.service.configure(HttpSection(listen=f"[::1]:{served.port}"), Path())
+        served.service.configure(HttpSection(listen=f"[::1]:{served.port}"), "mill-1", Path())
         await until(lambda: len(served.said) == 2)
         assert served.said[1] == ("http-ready", {"address": f"http://[::1]:{served.port}"})
         await reader.rest()  # it is closed: whoever reads comes back where the gateway is now
@@ -78,7 +78,7 @@ async def test_another_address_in_the_configuration_is_taken_over(tmp_path: Path
             await asyncio.open_connection("127.0.0.1", old)
         _, writer = await asyncio.open_connection("::1", served.port)
         writer.transport.abort()
-        served.service.configure(HttpSection(listen=""), Path())
+        served.service.configure(HttpSection(listen=""), "mill-1", Path())
         await until(lambda: served.service.status["address"] is None)
         assert served.service.status == {"listen": "", "address": None, "problem": None, "certificates": []}
         with pytest.raises(ConnectionRefusedError):
@@ -92,7 +92,7 @@ async def test_who_connected_just_before_the_end_is_not_left_hanging(tmp_path: P
         with socket.create_connection(("127.0.0.1", served.port), timeout=30) as there:
             for _ in range(turns):
                 await asyncio.sleep(0)
-            served.service.configure(HttpSection(listen=""), Path())
+            served.service.configure(HttpSection(listen=""), "mill-1", Path())
             with contextlib.suppress(ConnectionError):
                 there.sendall(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
                 while await asyncio.get_running_loop().run_in_executor(None, there.recv, 65536):
@@ -102,7 +102,7 @@ async def test_who_connected_just_before_the_end_is_not_left_hanging(tmp_path: P
 async def test_what_stays_the_same_disturbs_nobody(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
         line = await served.connect()
-        served.service.configure(HttpSection(listen=f"127.0.0.1:{served.port}"), Path())
+        served.service.configure(HttpSection(listen=f"127.0.0.1:{served.port}"), "mill-1", Path())
         await line.say("GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
         assert (await line.hear()).status == 200
         assert len(served.said) == 1
@@ -142,7 +142,7 @@ async def test_a_local_socket_that_cannot_be_is_a_problem_and_no_end(tmp_path: P
     )
     service = service_module.HttpService(window)
     port = free_port()
-    service.configure(HttpSection(listen=f"127.0.0.1:{port}"), Path())
+    service.configure(HttpSection(listen=f"127.0.0.1:{port}"), "mill-1", Path())
     running = asyncio.create_task(service.run())
     await until(lambda: len(said) == 2)
     assert sorted(said) == ["http-not-open", "http-ready"]

@@ -13,6 +13,7 @@ import pytest
 from gateway.supervisor.http.handshakes import HandshakeLimits, TlsListener
 from gateway.supervisor.http.limits import Limits
 from gateway.supervisor.http.refusals import tell_nobody
+from gateway.supervisor.http.wanted import wanted_by
 from tests.certificates import Shop, signed_by
 from tests.supervisor.http.doors import (
     TOKEN,
@@ -41,10 +42,46 @@ async def test_a_token_over_tls(tmp_path: Path, certificates: Path) -> None:
         assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
         answer = await visitor.log_in()
         cookie, *marks = answer.headers["set-cookie"].split("; ")
-        assert cookie.startswith(f"__Host-pitch-gateway-{port}=")
+        assert cookie.startswith(f"__Host-pitch-gateway-mill-1-{port}=")
         assert marks == ["Path=/", "Max-Age=43200", "HttpOnly", "SameSite=Strict", "Secure"]
         assert (await visitor.ask("/status", f"Cookie: {cookie}")).status == 200
         assert "strict-transport-security" not in answer.headers
+
+
+def test_gateways_behind_one_host_have_cookies_of_their_own(tmp_path: Path, certificates: Path) -> None:
+    """Behind a proxy the browser sees one host; both listen on the same port of their machines."""
+    wanted = [wanted_by(section(8480, certificates), name, tmp_path) for name in ("mill-1", "lathe-2")]
+    assert [each.cookie for each in wanted if each is not None] == [
+        "__Host-pitch-gateway-mill-1-8480",
+        "__Host-pitch-gateway-lathe-2-8480",
+    ]
+
+
+@pytest.mark.parametrize(
+    "cipher",
+    ["ECDHE-ECDSA-AES256-SHA384", "ECDHE-RSA-AES256-SHA384", "ECDHE-RSA-AES128-SHA", "AES256-GCM-SHA384"],
+)
+async def test_a_cipher_that_the_modbus_port_refuses_is_refused_here_too(
+    tmp_path: Path, certificates: Path, cipher: str
+) -> None:
+    """CBC, or no forward secrecy; TLS 1.3 has neither."""
+    context = trusting(certificates)
+    context.maximum_version = ssl.TLSVersion.TLSv1_2
+    context.set_ciphers(f"{cipher}:@SECLEVEL=0")
+    async with asking(tmp_path, certificates) as visitor:
+        with pytest.raises((ssl.SSLError, ConnectionError)):
+            await asyncio.open_connection("127.0.0.1", visitor.served.port, ssl=context)
+
+
+async def test_an_authenticated_cipher_of_tls_1_2_is_accepted(tmp_path: Path, certificates: Path) -> None:
+    context = trusting(certificates)
+    context.maximum_version = ssl.TLSVersion.TLSv1_2
+    async with asking(tmp_path, certificates) as visitor:
+        _, writer = await asyncio.open_connection("127.0.0.1", visitor.served.port, ssl=context)
+        name, _, _ = writer.get_extra_info("cipher")
+        writer.close()
+    assert name.startswith("ECDHE-")
+    assert "GCM" in name or "CHACHA20" in name
 
 
 async def test_a_certificate_of_a_client_is_enough_beside_tokens(tmp_path: Path, certificates: Path) -> None:
@@ -55,6 +92,7 @@ async def test_a_certificate_of_a_client_is_enough_beside_tokens(tmp_path: Path,
             "by": "panel",
             "how": "certificate",
             "ends_in_s": None,
+            "may_acknowledge": False,
         }
         assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
 
@@ -130,7 +168,7 @@ async def test_a_certificate_that_was_revoked_looks_no_more(tmp_path: Path) -> N
         async def reload() -> None:
             before = len(visitor.served.said)
             wanted = section(visitor.served.port, folder, clients=True, revoked="crl.pem")
-            visitor.served.service.configure(wanted, tmp_path)
+            visitor.served.service.configure(wanted, "mill-1", tmp_path)
             await until(lambda: "http-ready" in [event for event, _ in visitor.served.said[before:]])
 
         await reload()
@@ -296,14 +334,16 @@ async def test_a_renewed_certificate_is_shown_after_a_reload(tmp_path: Path, cer
         cookie = await visitor.cookie()
         old = await shown()
         same = section(visitor.served.port, mine)
-        visitor.served.service.configure(same, tmp_path)
+        visitor.served.service.configure(same, "mill-1", tmp_path)
         assert await shown() == old
         signed_by(mine, "ca", "page", "IP:127.0.0.1,DNS:localhost")
         (mine / "page.key").chmod(0o600)
-        visitor.served.service.configure(same, tmp_path)  # tables were read anew, and not the configuration
+        visitor.served.service.configure(
+            same, "mill-1", tmp_path
+        )  # tables were read anew, and not the configuration
         assert await shown() == old
         said = len(visitor.served.said)
-        visitor.served.service.configure(section(visitor.served.port, mine), tmp_path)
+        visitor.served.service.configure(section(visitor.served.port, mine), "mill-1", tmp_path)
         await until(lambda: "http-ready" in [event for event, _ in visitor.served.said[said:]])
         assert await shown() != old
         assert (await visitor.ask("/status", cookie)).status == 200  # nobody has to log in for that
@@ -314,10 +354,10 @@ async def test_a_certificate_that_is_gone_is_a_problem_that_says_so(
 ) -> None:
     async with asking(tmp_path) as visitor:
         write_token(tmp_path, TOKEN)
-        visitor.served.service.configure(section(visitor.served.port, tmp_path / "none"), tmp_path)
+        visitor.served.service.configure(section(visitor.served.port, tmp_path / "none"), "mill-1", tmp_path)
         await until(lambda: bool(visitor.events("http-not-open")))
         assert "page.crt: no such file" in str(visitor.served.service.status["problem"])
-        visitor.served.service.configure(section(visitor.served.port, certificates), tmp_path)
+        visitor.served.service.configure(section(visitor.served.port, certificates), "mill-1", tmp_path)
         visitor.certificates = certificates
         async with asyncio.timeout(PATIENCE_S):
             await until(lambda: visitor.served.service.status["problem"] is None)

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import pty
+import re
 import signal
 import socket
 import subprocess
@@ -83,6 +84,9 @@ def _line(served: Served) -> str:
     return str(served.feeds.model["lines"]["xyz"]["state"])
 
 
+PARTS = {"gateway", "lines", "axes", "supervisor", "verdict", "troubles"}
+
+
 async def said(*arguments: str) -> "subprocess.CompletedProcess[str]":
     return await asyncio.to_thread(typed_apart, *arguments)
 
@@ -125,7 +129,10 @@ async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site
     async with gateway(site) as served:
         well = await said("status", config)
         assert (well.returncode, well.stderr) == (0, "")
-        assert well.stdout.startswith("gateway trial ")
+        # No controller has asked yet: nothing is wrong, and nothing is healthy.
+        first, _, gateway_line, *_ = well.stdout.splitlines()
+        assert first.startswith("WAITING since ")
+        assert gateway_line.startswith("gateway trial ")
         reader = await served.connect()
         await reader.say("GET /events?events HTTP/1.1\r\nHost: localhost\r\n\r\n")
         site.table.write_text("no table")
@@ -136,7 +143,8 @@ async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site
         await reader.until(b"table-rejected")
         ill = await said("status", config)
         assert ill.returncode == 0
-        assert "".join(ill.stdout.split()).startswith(f"erroraxisx:{site.table}:1:")
+        assert ill.stdout.startswith("ERROR since ")
+        assert f"erroraxisx:{site.table}:1:" in "".join(ill.stdout.split())
         assert (await served.ask("/healthz")).status == 200  # positions pass, corrected as before
         assert [one["kind"] for one in (await served.ask("/status")).data["troubles"]] == ["table-rejected"]
         site.table.write_text(STEEPER)
@@ -151,7 +159,7 @@ async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site
         assert (await served.ask("/tables/x")).data["forward"] == [0.0, 0.1, 0.2]
         site.table.write_text(TABLE)
         as_json = await said("status", config, "--json")
-        assert set(json.loads(as_json.stdout)) == {"gateway", "lines", "axes", "supervisor", "troubles"}
+        assert set(json.loads(as_json.stdout)) == PARTS
 
 
 async def test_the_status_of_a_supervisor_without_a_relay(site: Site) -> None:
@@ -159,8 +167,9 @@ async def test_the_status_of_a_supervisor_without_a_relay(site: Site) -> None:
         await until(lambda: served.feeds.model is not None)
         alone = await said("status", str(site.config))
         assert alone.returncode == 1
-        first = "error gateway: the relay is not running: no command reaches a drive"
-        assert alone.stdout.splitlines()[0] == first
+        first, second, *_ = alone.stdout.splitlines()
+        assert re.fullmatch(r"ERROR since [0-9:]{8}: 1 error", first)
+        assert second == "error gateway: the relay is not running: no command reaches a drive"
         assert (await served.ask("/healthz")).status == 503
 
 
@@ -172,7 +181,10 @@ def test_the_status_comes_from_the_relay_where_the_supervisor_is_hung(site: Site
         deaf.listen()
         status = typed("status", str(site.config), "--json")
         assert status.returncode == 0
-        assert set(json.loads(status.stdout)) == {"gateway", "lines", "axes"}
+        found = json.loads(status.stdout)
+        assert set(found) == PARTS
+        assert [(each["kind"], each["axes"]) for each in found["troubles"]] == [("supervisor-down", ["x"])]
+        assert (found["verdict"]["state"], found["axes"]["x"]["verdict"]["state"]) == ("warning", "warning")
         relay.end()
 
 

@@ -13,7 +13,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from tests.supervisor.http.exposition import Samples, samples
-from tests.supervisor.http.http_bench import ANSWERS, PLC, SICK, TERMS, model, snapshot
+from tests.supervisor.http.http_bench import ANSWERS, CONTROLLER, PLC, SICK, TERMS, model, snapshot
 
 FOLDER = Path(__file__).parents[3] / "deploy" / "monitoring"
 RULES = yaml.safe_load((FOLDER / "alerts.yml").read_text())["groups"][0]["rules"]
@@ -211,6 +211,11 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
         sick(controllers=[PLC]),
         {"kind": "controller-garbled", "where": "line xyz, controller plc"},
         "PitchGatewayControllerGarbled",
+    ),
+    (
+        sick(controllers=[{**CONTROLLER, "connections": [], "asked_s": 40.0}]),
+        {"kind": "controller-absent", "where": "line xyz, controller cnc"},
+        "PitchGatewayNoController",
     ),
     (
         since_then(model(snapshot(axis={"rivals": FIGHT}))),

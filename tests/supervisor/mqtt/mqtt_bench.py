@@ -110,6 +110,19 @@ class Site:
         self.service.follow(given)
         self.after_reload: Settings | None = given
         self._told = asyncio.Event()
+        self._may_reload = asyncio.Event()
+        self._may_reload.set()
+
+    def hold_reloads(self) -> asyncio.Event:
+        """Let reloads take until the event is set."""
+        self._may_reload.clear()
+        return self._may_reload
+
+    async def until_waiting(self, number: int) -> None:
+        """Wait until so many commands wait for their turn."""
+        async with asyncio.timeout(PATIENCE_S):
+            while len(self.publisher._commander._waiting) < number:  # noqa: ASYNC110 - nothing is told of these
+                await asyncio.sleep(0)
 
     def say(self, event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
         self.feeds.tell(note_of(event, fields, time.time(), severity))
@@ -117,6 +130,7 @@ class Site:
 
     async def _reload(self) -> Outcome:
         self.reloads += 1
+        await self._may_reload.wait()
         self.service.follow(self.after_reload)
         for _ in range(10):  # as the supervisor's, it returns a little later
             await asyncio.sleep(0)

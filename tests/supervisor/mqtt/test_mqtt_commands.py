@@ -257,3 +257,68 @@ async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch:
     [told] = site.said("mqtt-commands-too-many")
     assert (told["count"], told["last"]) == (20, 'enable {"axes": "all", "id": 29}')
     assert len(site.said("mqtt-command")) == 12
+
+
+FLOOD = 3000
+
+
+@VERSIONS
+async def test_behind_a_flood_a_disable_is_carried_out_and_everything_else_counted(
+    tmp_path: Path, version: str
+) -> None:
+    """Reloads that take long: all that comes meanwhile waits, or is counted and named."""
+    with broker_in(tmp_path, ANYBODY + "max_queued_messages 0\n") as broker:
+        given = settings(broker.port, tmp_path, version=version, commands=True)
+        async with publishing(given, tmp_path) as site, watching(broker.port, f"{ROOT}/event") as watcher:
+            await site.until_said("mqtt-connected")
+            go_on = site.hold_reloads()
+            for number in range(FLOOD):
+                await command(watcher, "reload", {"id": number})
+            await command(watcher, "disable", {"axes": ["x"], "id": "off"})
+            told = await site.until_said("mqtt-commands-too-many")
+            go_on.set()
+            answer = await answer_to(watcher, "off")
+    assert site.asked == [Disable(axes=("x",))]
+    assert (answer["result"], answer["changed"]) == ("done", ["x"])
+    counted = sum(each["count"] for each in site.said("mqtt-commands-too-many"))
+    assert site.reloads >= 10
+    assert site.reloads + counted == FLOOD
+    assert told["last"].startswith("reload {")
+
+
+async def test_a_disable_waits_for_the_enable_before_it(tmp_path: Path) -> None:
+    with broker_in(tmp_path) as broker:
+        given = settings(broker.port, tmp_path, commands=True)
+        async with publishing(given, tmp_path) as site, watching(broker.port, f"{ROOT}/event") as watcher:
+            await site.until_said("mqtt-connected")
+            go_on = site.hold_reloads()
+            await command(watcher, "reload", {})
+            await command(watcher, "enable", {"axes": ["x"]})
+            for number in range(200):  # more than are kept twice
+                await command(watcher, "disable", {"axes": ["x"], "id": number})
+            await command(watcher, "enable", {"axes": ["y"]})
+            await command(watcher, "disable", {"axes": ["x"], "id": "last"})
+            go_on.set()
+            await answer_to(watcher, "last")
+    assert site.asked[0] == Enable(axes=("x",))
+    assert site.asked[-2:] == [Enable(axes=("y",)), Disable(axes=("x",))]
+    answers = site.said("mqtt-command")
+    disables = [each for each in answers if each["command"] == "disable"]
+    assert {each["result"] for each in disables} == {"done"}
+    # Each of the 201 was carried out, or stands in the answer of the one that stood for it.
+    assert sum(1 + each.get("repeated", 0) for each in disables) == 201
+    assert len(disables) <= 66
+
+
+async def test_what_waits_when_the_gateway_ends_is_counted(tmp_path: Path) -> None:
+    with broker_in(tmp_path) as broker:
+        given = settings(broker.port, tmp_path, commands=True)
+        async with publishing(given, tmp_path) as site, watching(broker.port, f"{ROOT}/event") as watcher:
+            await site.until_said("mqtt-connected")
+            site.hold_reloads()
+            await command(watcher, "reload", {"id": "held"})
+            await command(watcher, "enable", {"axes": ["x"], "id": "waits"})
+            await site.until_waiting(1)
+    assert site.asked == []
+    [told] = site.said("mqtt-commands-too-many")
+    assert (told["count"], told["last"]) == (1, 'enable {"axes": ["x"], "id": "waits"}')

@@ -38,7 +38,14 @@ async def test_who_comes_late_finds_availability_info_and_tables_and_hears_the_r
             status = site.status
     assert set(found) == {f"{ROOT}/availability", f"{ROOT}/info", f"{ROOT}/axis/x/table"}
     assert found[f"{ROOT}/availability"] == b"online"
-    assert data_of(found[f"{ROOT}/info"]) == {
+    info = data_of(found[f"{ROOT}/info"])
+    assert {**info.pop("verdict"), "since": ""} == {
+        "state": "healthy",
+        "since": "",
+        "errors": 0,
+        "warnings": 0,
+    }
+    assert info == {
         "name": "mill-1",
         "version": "9.9.9",
         "relay": "up",
@@ -51,6 +58,7 @@ async def test_who_comes_late_finds_availability_info_and_tables_and_hears_the_r
     assert data_of(found[f"{ROOT}/axis/x/table"]) == axis()["table"]
     assert moving[f"{ROOT}/axis/x"]["correction"] == 0.012
     assert moving[f"{ROOT}/axis/x"]["nominal_actual"] is None
+    assert moving[f"{ROOT}/axis/x"]["verdict"]["state"] == "healthy"
     assert "table" not in moving[f"{ROOT}/axis/x"]
     assert moving[f"{ROOT}/line/xyz"]["exchanges"] == 7
     assert (status["problem"], status["connects"]) == (None, 1)

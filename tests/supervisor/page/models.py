@@ -9,9 +9,10 @@ TIMES: Final = {"p50": 96.2, "p99": 310.5, "p999": 940.0, "max": 1902.4, "max_mi
 
 
 def axis(**changes: Any) -> dict[str, Any]:
-    """Return one axis that stands at -120 mm and is corrected by 22.1 µm."""
-    return {
+    """Return one axis that stands at -120 mm and is corrected by 22.1 µm; its place follows what is read."""
+    found = {
         "compensation": "active",
+        "verdict": verdict(),
         "units": "mm",
         "direction": "forward",
         "gain": {"forward": 1.0, "backward": 1.0},
@@ -25,6 +26,33 @@ def axis(**changes: Any) -> dict[str, Any]:
         "latency": {"gateway_us": TIMES, "budget_us": 1000.0, "budget_overruns": 15, "is_over_budget": False},
         **changes,
     }
+    return {"position": place(found), **found}
+
+
+def place(axis: Mapping[str, Any]) -> dict[str, Any]:
+    """Return where an axis is that has just been read, or else was sent to a target a minute ago."""
+    if axis["nominal_actual"] is not None:
+        nominal, corrected = axis["nominal_actual"], axis["corrected_actual"]
+        return {
+            "of": "reading",
+            "nominal": nominal,
+            "corrected": corrected,
+            "age_s": 0.1,
+            "is_at_least": False,
+        }
+    is_shadow = axis["compensation"] == "shadow"
+    return {
+        "of": "target",
+        "nominal": axis["nominal_setpoint"],
+        "corrected": axis["nominal_setpoint" if is_shadow else "corrected_setpoint"],
+        "age_s": 60.0,
+        "is_at_least": False,
+    }
+
+
+def verdict(state: str = "healthy", kind: str = "active", title: str = "") -> dict[str, Any]:
+    """Return how an axis is."""
+    return {"state": state, "kind": kind, "title": title, "since": "2026-05-01T12:00:00+00:00"}
 
 
 def table(**changes: Any) -> dict[str, Any]:
@@ -64,6 +92,8 @@ def line(**changes: Any) -> dict[str, Any]:
                 "state": "up",
                 "failure": "",
                 "gateway_us": TIMES,
+                "asked_s": 0.1,
+                "silent_s": 0.2,
             },
             {
                 "name": "hmi",
@@ -78,9 +108,12 @@ def line(**changes: Any) -> dict[str, Any]:
 
 
 def model(
-    axes: Mapping[str, Any] | None = None, lines: Mapping[str, Any] | None = None, *troubles: dict[str, str]
+    axes: Mapping[str, Any] | None = None,
+    lines: Mapping[str, Any] | None = None,
+    *troubles: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Return a whole model: one axis on one line where nothing else is said."""
+    """Return a whole model, of one axis on one line where nothing else is said; its worst trouble decides."""
+    severities = [each["severity"] for each in troubles]
     return {
         "gateway": {
             "name": "mill-1",
@@ -93,6 +126,12 @@ def model(
         "lines": {"xyz": line()} if lines is None else dict(lines),
         "axes": {"x": axis()} if axes is None else dict(axes),
         "supervisor": {},
+        "verdict": {
+            "state": min(severities, default="healthy", key="error warning".find),
+            "since": "2026-05-01T12:00:00+00:00",
+            "errors": severities.count("error"),
+            "warnings": severities.count("warning"),
+        },
         "troubles": list(troubles),
     }
 

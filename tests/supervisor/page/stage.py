@@ -18,7 +18,13 @@ POLICY: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-TYPES: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+TYPES: Final = {
+    ".html": "text/html",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+    ".json": "application/json",
+}
 WAIT_S: Final = 0.1
 
 
@@ -32,6 +38,13 @@ class Stage:
         """The last ten minutes by axis, as ``/history/AXIS`` answers them."""
         self.asked: list[str] = []
         """Paths of all requests."""
+        self.spans: list[str] = []
+        """Queries of those for the past of an axis."""
+        self.may_acknowledge = False
+        self.acknowledged: list[Any] = []
+        """What came as ``POST /acknowledge``."""
+        self.refusal = HTTPStatus.OK
+        """How that is answered."""
         self.is_mute = False
         """Streams stay open and say nothing."""
         self.is_full = False
@@ -70,6 +83,9 @@ class Stage:
 
             def do_GET(self) -> None:
                 stage._answer(self)
+
+            def do_POST(self) -> None:
+                stage._take(self)
 
             def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
                 pass
@@ -119,12 +135,14 @@ class Stage:
         elif path == "/events":
             self._stream(request)
         elif path == "/session":
-            self._send(request, b'{"by": null, "how": null, "ends_in_s": null}', "application/json")
+            session = {"by": None, "how": None, "ends_in_s": None, "may_acknowledge": self.may_acknowledge}
+            self._send(request, json.dumps(session).encode(), "application/json")
         elif path == "/status":
             self._send(request, json.dumps(self._model).encode(), "application/json")
         elif path.startswith("/tables/") and path[8:] in self.tables:
             self._send(request, json.dumps(self.tables[path[8:]]).encode(), "application/json")
         elif path.startswith("/history/"):
+            self.spans.append(urlsplit(request.path).query)
             past = self.past.get(path[9:], {"ages_s": [], "nominal": [], "correction": []})
             self._send(request, json.dumps(past).encode(), "application/json")
         elif path == "/" or (path.startswith("/page/") and path[6:] in page.FILES):
@@ -132,6 +150,11 @@ class Stage:
             self._send(request, file.read_bytes(), TYPES[file.suffix])
         else:
             self._send(request, b"{}", "application/json", HTTPStatus.NOT_FOUND)
+
+    def _take(self, request: BaseHTTPRequestHandler) -> None:
+        body = request.rfile.read(int(request.headers["Content-Length"]))
+        self.acknowledged.append((request.path, request.headers["Content-Type"], json.loads(body)))
+        self._send(request, b"{}", "application/json", self.refusal)
 
     def _send(
         self, request: BaseHTTPRequestHandler, content: bytes, media_type: str, status: int = HTTPStatus.OK

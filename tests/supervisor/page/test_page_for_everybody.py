@@ -97,6 +97,33 @@ def test_it_fits_phones_and_walls(visit: Visit, columns: dict[int, int], axes: i
     assert visit.page.evaluate(left_of_card) == 0
 
 
+WIDTHS = (360, 390, 768, 1280, 1600, 1920, 2560, 3840)
+
+
+@pytest.mark.parametrize("lines", [1, 2, 8])
+@pytest.mark.parametrize("axes", [1, 2, 8, 32])
+def test_nothing_reaches_beyond_the_edge_of_any_screen(visit: Visit, lines: int, axes: int) -> None:
+    names = [f"a{index}" for index in range(axes)]
+    visit.stage.tables |= dict.fromkeys(names, curve())
+    address = "/dev/serial/by-id/usb-FTDI_USB-RS485_Cable_FT4X1ABC-if00-port0"
+    long = line(exchanges=123_456_789, timeouts=12_345, drives={"address": address, "failure": ""})
+    of_lines = {f"line{index}": long for index in range(lines)}
+    visit.stage.show(model(dict.fromkeys(names, axis()), of_lines, trouble()))
+    visit.until("document.querySelectorAll('article.axis').length", axes)
+    visit.until("document.querySelectorAll('article.line').length", lines)
+    wide = []
+    for width in WIDTHS:
+        visit.page.set_viewport_size({"width": width, "height": 900})
+        visit.page.wait_for_function("width => innerWidth === width", arg=width)
+        if not visit.page.evaluate("document.documentElement.scrollWidth <= innerWidth"):
+            wide.append((width, visit.page.evaluate("document.documentElement.scrollWidth")))
+        cut = """[...document.querySelectorAll("article.line :not(.unseen)")]
+          .filter((one) => one.clientWidth && one.scrollWidth > one.clientWidth + 1)
+          .map((one) => one.className)"""
+        assert visit.page.evaluate(cut) == [], width
+    assert wide == []
+
+
 @pytest.mark.parametrize("visit", [{"viewport": {"width": 1920, "height": 1080}}], indirect=True)
 @pytest.mark.parametrize("axes", [1, 3, 6])
 def test_lines_and_troubles_are_seen_without_scrolling(visit: Visit, axes: int) -> None:
@@ -174,20 +201,35 @@ def test_everything_is_reached_with_the_keyboard_and_shows_where_it_is(visit: Vi
     visit.until_text("#more", "Show 2 more")
     visit.page.wait_for_selector("article.axis summary")
     reached = []
-    for _ in range(12):
+    for _ in range(17):
         visit.page.keyboard.press("Tab")
         reached.append(
             visit.page.evaluate(
                 """() => {
                   const at = document.activeElement;
-                  const marked = at.matches("input") ? at.nextElementSibling : at;
+                  const marked = at.matches("input[type=radio]") ? at.nextElementSibling : at;
                   const style = getComputedStyle(marked);
                   const isMarked = style.outlineStyle === "solid" && parseFloat(style.outlineWidth) >= 2;
                   return isMarked ? at.id || at.className || at.name || at.localName : "";
                 }"""
             )
         )
-    wanted = ["skip", "theme", "more", "summary", "latency-of", "card figures", "severity", "events-frame"]
+    wanted = [
+        "skip",
+        "language",
+        "sound",
+        "theme",
+        "more",
+        "pointer-slider",
+        "past-span",
+        "past-file",
+        "pointer-slider",
+        "summary",
+        "latency-of",
+        "card figures",
+        "severity",
+        "events-frame",
+    ]
     assert reached[: len(wanted)] == wanted
 
 
@@ -203,7 +245,7 @@ def test_a_screen_reader_finds_its_way(visit: Visit) -> None:
         ("banner", ""),
         ("main", ""),
         ("contentinfo", ""),
-        ("region", "What is wrong"),
+        ("region", "How the gateway is"),
         ("region", "Axes"),
         ("region", "Lines"),
         ("region", "Time in the gateway"),
@@ -213,7 +255,12 @@ def test_a_screen_reader_finds_its_way(visit: Visit) -> None:
         ("heading", "Axis x"),
         ("heading", "Line xyz"),
         ("img", "Correction of axis x over its travel"),
-        ("img", "Last ten minutes of axis x"),
+        ("img", "Last 10 minutes of axis x"),
+        ("slider", "Correction of axis x at a position"),
+        ("slider", "Axis x at a time"),
+        ("combobox", "Span of the past of axis x"),
+        ("link", "Axis x, last 10 minutes, as CSV file"),
+        ("button", "Sound: off"),
         ("img", "Time in the gateway, axis x"),
         ("combobox", "Show times of"),
         ("radio", "All"),

@@ -1,10 +1,14 @@
 """What the page shows of a model, as a person sees it."""
 
+import re
+
 import pytest
 
-from tests.supervisor.page.models import axis, curve, line, model, table, trouble
+from tests.supervisor.page.models import axis, curve, line, model, table, trouble, verdict
 from tests.supervisor.page.visit import Visit
 
+STATE = "article.axis .state span:not(.since)"
+COLOUR_OF_DIGITS = "getComputedStyle(document.querySelector('article.axis .digits')).color"
 DIGITS = "article.axis .digits"
 CORRECTION = "article.axis .facts dd"
 MOVES = "article.axis .mark"
@@ -22,7 +26,7 @@ def test_it_shows_where_the_axis_is_and_what_is_added(visit: Visit) -> None:
     visit.until_text(CORRECTION, "+22.1\u202fµm")
     facts = visit.page.locator("article.axis .facts > div:not([hidden])").all_text_contents()
     assert facts == ["Correction+22.1\u202fµm", "On the drive−119.978\u202fmm", "Target−120.000\u202fmm"]
-    assert visit.page.locator("article.axis .state").text_content() == "Compensated"
+    visit.until_text(STATE, "Compensated")
     assert visit.page.locator("article.axis .direction").text_content() == "forward"
 
 
@@ -73,14 +77,14 @@ def test_the_machine_on_its_curve_never_stands_elsewhere_than_the_number(visit: 
     assert visit.page.evaluate("window.found") == [["−30.000", 0.9], ["−270.000", 0.1]]
 
 
-DRIVE_SILENT = {"kind": "drive-silent", "severity": "error", "title": "Drive silent", "cuts_off": True}
+DRIVE_SILENT = verdict("error", "drive-silent", "Drive silent")
 
 
 def test_an_axis_whose_drive_is_silent_is_not_green_and_shows_where_it_was_seen(visit: Visit) -> None:
-    last = {"nominal": -44.0, "corrected": -43.9, "age_s": 75.3}
-    lost = {"nominal_actual": None, "corrected_actual": None, "trouble": DRIVE_SILENT, "last_seen": last}
+    last = {"of": "last-reading", "nominal": -44.0, "corrected": -43.9, "age_s": 75.3, "is_at_least": False}
+    lost = {"nominal_actual": None, "corrected_actual": None, "verdict": DRIVE_SILENT, "position": last}
     visit.stage.show(model({"x": axis(**lost)}))
-    visit.until_text("article.axis .state", "Drive silent")
+    visit.until_text(STATE, "Drive silent")
     visit.until_text(DIGITS, "−44.000")
     visit.until_text("article.axis .reading-name", "Last seen 1 min 15 s ago")
     visit.until_text(CORRECTION, "+100.0\u202fµm")
@@ -89,16 +93,70 @@ def test_an_axis_whose_drive_is_silent_is_not_green_and_shows_where_it_was_seen(
     quiet = "getComputedStyle(document.querySelector('.quiet')).color"
     assert visit.page.evaluate(f"getComputedStyle(document.querySelector({DIGITS!r})).color === {quiet}")
     visit.stage.show(model({"x": axis()}))
-    visit.until_text("article.axis .state", "Compensated")
+    visit.until_text(STATE, "Compensated")
     visit.until_text("article.axis .reading-name", "Position")
 
 
-def test_a_trouble_that_leaves_the_compensation_alone_leaves_it_green(visit: Visit) -> None:
-    rejected = {"kind": "table-rejected", "severity": "error", "title": "", "cuts_off": False}
-    visit.stage.show(model({"x": axis(trouble=rejected, table=table(status="rejected", error="bad"))}))
-    visit.until("document.querySelector('article.axis').dataset.tone", "error")
-    assert visit.page.locator("article.axis .state").get_attribute("class") == "state well"
-    visit.until_text("article.axis .state", "Compensated")
+@pytest.mark.parametrize(
+    ("found", "words", "shown"),
+    [
+        (verdict(), "Compensated", "state well"),
+        (verdict("healthy", "blending"), "Compensated", "state well"),
+        (verdict("waiting", "controller-awaited", "Waiting for the controller"), None, "state note"),
+        (verdict("warning", "controller-absent", "No controller"), None, "state warning"),
+        (verdict("warning", "configuration"), "Compensated", "state warning"),
+        (verdict("error", "table-rejected", "Table refused"), None, "state error"),
+    ],
+)
+def test_an_axis_has_the_colour_and_the_words_of_its_verdict(
+    visit: Visit, found: dict[str, str], words: str | None, shown: str
+) -> None:
+    visit.stage.show(model({"x": axis(verdict=found)}))
+    visit.until_text(STATE, words or found["title"])
+    tone = shown.removeprefix("state ")
+    assert visit.page.locator("article.axis").get_attribute("data-tone") == tone
+    assert visit.page.locator("article.axis .state").get_attribute("class") == shown
+    since = visit.page.locator("article.axis .state .since").text_content() or ""
+    assert since.startswith("since 2026-05-0")
+
+
+@pytest.mark.parametrize(
+    ("position", "name"),
+    [
+        ({"of": "target", "age_s": 40.2}, "Target of 40 s ago (position not read)"),
+        (
+            {"of": "target", "age_s": 61.0, "is_at_least": True},
+            "Target of more than 1 min 1 s ago (position not read)",
+        ),
+        ({"of": "last-reading", "age_s": 40.2}, "Last seen 40 s ago"),
+        ({"of": None, "nominal": None, "corrected": None, "age_s": None}, "Position not known"),
+    ],
+)
+def test_digits_that_are_no_reading_are_grey_and_say_how_old_they_are(
+    visit: Visit, position: dict[str, object], name: str
+) -> None:
+    black = visit.page.evaluate(COLOUR_OF_DIGITS)
+    old = {"nominal": -44.0, "corrected": -43.9, "is_at_least": False, **position}
+    unread = {"nominal_actual": None, "corrected_actual": None}
+    visit.stage.show(model({"x": axis(position=old, **unread)}))
+    visit.until_text("article.axis .reading-name", name)
+    quiet = visit.page.evaluate("getComputedStyle(document.querySelector('.quiet')).color")
+    assert visit.page.evaluate(COLOUR_OF_DIGITS) == quiet != black
+    visit.until_text(DIGITS, "–" if old["nominal"] is None else "−44.000")
+
+
+def test_a_line_that_no_controller_asks_is_not_green_and_says_how_long_ago_one_did(visit: Visit) -> None:
+    gone = line()
+    gone["controllers"][0] |= {"asked_s": 40.0, "silent_s": 40.2}
+    gone["controllers"][1] |= {"connections": [], "asked_s": None, "silent_s": 3600.0}
+    missed = trouble(kind="controller-silent", severity="warning", where="line xyz")
+    visit.stage.show(model(None, {"xyz": gone}, missed))
+    states = "[...document.querySelectorAll('.controller-state')].map((one) => one.textContent)"
+    visit.until(states, ["port open, asked last 40 s ago", "not connected, has not asked yet"])
+    signs = "[...document.querySelectorAll('.controllers .sign')].map((one) => one.getAttribute('class'))"
+    visit.until(signs, ["sign warning", "sign note"])
+    visit.until_text("article.line .state", "Drives up")
+    assert visit.page.locator("article.line").get_attribute("data-tone") == "warning"
 
 
 def test_a_line_says_how_many_of_its_drives_are_silent(visit: Visit) -> None:
@@ -112,18 +170,35 @@ def test_a_line_says_how_many_of_its_drives_are_silent(visit: Visit) -> None:
     visit.until_text("article.line .state", "Up")
 
 
-def test_an_exceeded_budget_is_told_beside_its_figures_and_not_to_the_operator(visit: Visit) -> None:
-    over = trouble(kind="over-budget", severity="warning", audience="retrofitter", what="it takes too long")
-    visit.stage.show(model(None, None, over))
-    visit.until(
-        "[...document.querySelectorAll('#latency .problems li')].map((one) => one.textContent)",
-        ["Axis x: it takes too long. mend the file: it is read again as soon as it is saved"],
-    )
-    assert visit.page.locator("#troubles > li").count() == 0
-    assert visit.page.locator("#well").is_visible()
-    visit.until("document.title", "mill-1: all is well")
-    visit.stage.show(model())
-    visit.until("document.querySelectorAll('#latency .problems li').length", 0)
+@pytest.mark.parametrize(
+    ("severities", "word", "about", "title"),
+    [
+        ([], "Healthy", "1 line, 1 axis", "mill-1: healthy"),
+        (["warning"], "Warning", "1 warning", "⚠ mill-1: warning"),
+        (["error", "warning", "warning"], "Error", "1 error, 2 warnings", "⚠ mill-1: error"),
+    ],
+)
+def test_one_word_says_how_the_gateway_is_with_since_when_and_the_title_says_the_same(
+    visit: Visit, severities: list[str], word: str, about: str, title: str
+) -> None:
+    troubles = [trouble(severity=each, where=f"axis a{n}") for n, each in enumerate(severities)]
+    visit.stage.show(model(None, None, *troubles))
+    visit.until_text("#verdict strong", word)
+    visit.until("document.title", title)
+    words = visit.page.locator("#verdict .about").text_content() or ""
+    assert re.fullmatch(rf"since 2026-05-0[12] [0-9:]{{8}} · {about}", words)
+    assert visit.page.locator("#troubles > li").count() == len(troubles)
+    size = "parseFloat(getComputedStyle(document.querySelector('#verdict strong')).fontSize)"
+    assert visit.page.evaluate(size) >= 30
+
+
+def test_while_nobody_has_asked_the_gateway_waits_and_is_not_green(visit: Visit) -> None:
+    waiting = model()
+    waiting["verdict"]["state"] = "waiting"
+    visit.stage.show(waiting)
+    visit.until_text("#verdict strong", "Waiting")
+    assert visit.page.locator("#verdict").get_attribute("class") == "verdict note"
+    visit.until("document.title", "mill-1: waiting")
 
 
 def test_a_trouble_says_since_when_it_is_there(visit: Visit) -> None:
@@ -144,7 +219,7 @@ def test_ten_minutes_of_position_and_correction_are_drawn(visit: Visit) -> None:
     path_of = "document.querySelector('.history-position')?.getAttribute('d')"
     visit.until(f"/M.*M/.test({path_of})", True)
     path = visit.page.locator(".history-position").get_attribute("d") or ""
-    (first, low), (second, high) = (part.split(" ") for part in path[1:].split("L")[0].split("M"))
+    (first, low), (second, high) = (part.split(" ") for part in path[1:].split("L")[0].split("M")[:2])
     assert (low, high) == ("55.0", "5.0")
     assert float(second) - float(first) == pytest.approx(200.0, abs=0.15)
     assert 300.0 - 60.0 < float(first) <= 300.0  # a busy machine draws late
@@ -164,7 +239,7 @@ def test_travel_outside_the_table_is_hatched_and_the_machine_stays_at_the_edge(v
     line_width = visit.page.evaluate("document.querySelector('article.axis .line-forward').getBBox().width")
     assert widths == pytest.approx([line_width / 6, line_width / 6], abs=0.3)
     visit.until("document.querySelector('article.axis .mark').getAttribute('class')", "mark beyond")
-    visit.until_text("article.axis .state", "Outside the table")
+    visit.until_text(STATE, "Outside the table")
 
 
 def test_a_turning_axis_comes_round(visit: Visit) -> None:
@@ -193,7 +268,7 @@ def test_another_gain_brings_another_curve(visit: Visit) -> None:
 def test_an_axis_whose_position_nobody_reads_shows_its_target(visit: Visit) -> None:
     unread = axis(nominal_actual=None, corrected_actual=None, nominal_setpoint=-60.0, correction=None)
     visit.stage.show(model({"x": unread}))
-    visit.until_text("article.axis .reading-name", "Target (position not read)")
+    visit.until_text("article.axis .reading-name", "Target of 1 min 0 s ago (position not read)")
     visit.until_text(DIGITS, "−60.000")
     visit.until_text(CORRECTION, "–")
 
@@ -235,7 +310,7 @@ def test_keys_in_what_to_do_are_shown_as_code_and_said_as_words(visit: Visit) ->
 
 
 def test_a_rejected_table_brings_a_banner_and_mending_it_takes_the_banner_away(visit: Visit) -> None:
-    visit.until_text("#well", "All is well: 1 line up, 1 axis.")
+    visit.until_text("#verdict strong", "Healthy")
     problem = {
         "file": "cnc10x.tab",
         "line": 12,
@@ -250,19 +325,19 @@ def test_a_rejected_table_brings_a_banner_and_mending_it_takes_the_banner_away(v
     visit.until_text("#troubles .what", trouble()["what"])
     visit.until_text("#troubles .remedy", "Mend the file: it is read again as soon as it is saved")
     visit.until_text("article.axis .problems", "cnc10x.tab:12:3: not a number: 0.0x; correct it")
-    assert visit.page.locator("#well").is_hidden()
+    visit.until_text("#verdict strong", "Error")
     assert visit.page.get_by_role("alert").text_content() == (
         f"Axis x: {trouble()['what']}. {trouble()['remedy']}."
     )
-    assert visit.page.title() == "⚠ mill-1: 1 trouble"
+    assert visit.page.title() == "⚠ mill-1: error"
     visit.until("document.getElementById('favicon').getAttribute('href')", "page/icon-trouble.svg")
 
     visit.stage.show(model())
     visit.until("document.querySelectorAll('#troubles > *').length", 0)
-    visit.until_text("[role=status]", "All is well: 1 line up, 1 axis.")
+    visit.until_text("[role=status]", "Healthy: 1 line, 1 axis.")
     assert visit.page.get_by_role("alert").text_content() == ""
-    assert visit.page.locator("#well").is_visible()
-    assert visit.page.title() == "mill-1: all is well"
+    visit.until_text("#verdict strong", "Healthy")
+    assert visit.page.title() == "mill-1: healthy"
     visit.until("document.getElementById('favicon').getAttribute('href')", "page/icon.svg")
 
 

@@ -1,0 +1,34 @@
+"""A sentence with what differs in it: in English a text like any other, and for others its two parts."""
+
+from typing import Any, Self
+
+
+class Said(str):
+    """An English sentence that knows the words it was made of, so that it can be said in another language.
+
+    >>> text = Said("the drives at {address} cannot be reached{failure}", address="COM3", failure="")
+    >>> text, text.as_data()["values"]
+    ('the drives at COM3 cannot be reached', {'address': 'COM3', 'failure': ''})
+    """
+
+    __slots__ = ("template", "values")
+    template: str
+    values: dict[str, object]
+
+    def __new__(cls, template: str, **values: object) -> Self:
+        """Make the sentence; every name between braces has to be in ``values``."""
+        made = super().__new__(cls, template.format(**values))
+        made.template = template
+        made.values = values
+        return made
+
+    def as_data(self) -> dict[str, Any]:
+        """Return template and values as plain data; values that are sentences likewise."""
+        return {"text": self.template, "values": {name: said(value) for name, value in self.values.items()}}
+
+
+def said(text: object) -> Any:
+    """Return a sentence as plain data: a text that knows nothing more stays what it is."""
+    if isinstance(text, Said):
+        return text.as_data()
+    return str(text)

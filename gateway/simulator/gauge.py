@@ -1,0 +1,79 @@
+"""A virtual laser for each simulated axis: a serial port that is asked, and a display that is read by eye."""
+
+from collections.abc import Callable
+from typing import Final
+
+from gateway.exchange.plan import AxisPlan
+from gateway.metrology.gauge_kinds import GaugeKind
+from gateway.metrology.gauges import DEFAULTS
+from gateway.simulator.clock import SimulationClock
+from gateway.simulator.laser import Laser
+from gateway.simulator.mechanics import Mechanics, unit_mm
+from gateway.simulator.pty import FdChannel
+
+NOISE_UM: Final = 0.1
+"""Of one reading: a laser in a quiet room."""
+DECIMALS: Final = 5
+LOOK_S: Final = 0.1
+_REQUEST: Final = DEFAULTS[GaugeKind.SYLVAC].request.encode()
+_LONGEST: Final = 64
+"""Bytes that are kept of what is no request."""
+
+
+class VirtualGauge:
+    """Shows where the nut of an axis really is, in machine positions and units of the axis.
+
+    Its port speaks as a Sylvac gauge does, the usual kind of ``measure``. Needs a running loop.
+    """
+
+    def __init__(
+        self, plan: AxisPlan, mechanics: Mechanics, port: int, clock: SimulationClock, *, seed: int = 0
+    ) -> None:
+        self.axis = plan.name
+        self.units = plan.settings.units.value
+        self._mechanics = mechanics
+        self._clock = clock
+        self._unit_mm = unit_mm(plan.settings.units)
+        mechanics.advance(clock())
+        self._zero_mm = mechanics.motor_mm
+        """Where the instrument was set, to what the encoder says there."""
+        self._laser = Laser(mechanics, noise_um=NOISE_UM, seed=seed)
+        self._channel = FdChannel(port)
+        self._heard = b""
+        self._channel.listen(self._received)
+
+    def reading(self) -> float:
+        """Take one reading."""
+        return (self._zero_mm + self._laser.read_mm(self._clock())) / self._unit_mm
+
+    def close(self) -> None:
+        """Leave the loop."""
+        self._channel.close()
+
+    @property
+    def stands_at(self) -> float | None:
+        """What tells one place of rest from another; None while the axis moves."""
+        self._mechanics.advance(self._clock())
+        return None if self._mechanics.is_moving else self._mechanics.nut_mm
+
+    def _received(self, data: bytes) -> None:
+        *requests, self._heard = (self._heard + data).split(_REQUEST)
+        self._heard = self._heard[-_LONGEST:]
+        for _ in requests:
+            self._channel.send(f"{self.reading():+.{DECIMALS}f}\r".encode())
+
+
+class Display:
+    """Tells what a gauge shows, each time that its axis has come to rest at another place."""
+
+    def __init__(self, gauge: VirtualGauge, show: Callable[[VirtualGauge, float], None]) -> None:
+        self._gauge = gauge
+        self._show = show
+        self._shown = gauge.stands_at
+
+    def look(self) -> None:
+        """Look once."""
+        stands_at = self._gauge.stands_at
+        if stands_at is not None and stands_at != self._shown:
+            self._shown = stands_at
+            self._show(self._gauge, self._gauge.reading())

@@ -1,0 +1,85 @@
+"""Alarms that somebody has acknowledged: he has seen them. Nothing changes at the machine.
+
+An acknowledgement belongs to one occurrence of a trouble and ends with it: the next one is new. A trouble
+that is hidden by a worse one has not ended, and neither have those of the time before a restart until the
+supervisor has had time to look.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from typing import Final
+
+import msgspec
+
+from gateway.supervisor.trouble import Place, Trouble, is_hidden
+
+LOOK_S: Final = 30.0
+"""After a restart an alarm that was acknowledged may take so long to be found again: the relay has to be
+reached, and files and connections have to be looked at."""
+MOST: Final = 256
+"""For one more the oldest is forgotten."""
+Key = tuple[str, Place]
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledgement:
+    """Who has seen an alarm."""
+
+    kind: str
+    place: Place
+    since: str
+    """When the alarm began, as the status says it."""
+    by: str
+    """Name of a token."""
+    at: str
+
+    def as_data(self) -> dict[str, str]:
+        """Return what the status says beside the trouble."""
+        return {"by": self.by, "at": self.at}
+
+
+class Acknowledged:
+    """The acknowledgements in force."""
+
+    def __init__(self) -> None:
+        self._kept: dict[Key, Acknowledgement] = {}
+        self._stays_until_s = 0.0
+        self.version = 0
+        """Grows with each change."""
+
+    def __getitem__(self, key: Key) -> Acknowledgement | None:
+        return self._kept.get(key)
+
+    def add(self, trouble: Trouble, since: str, by: str, now: datetime) -> Acknowledgement:
+        """Acknowledge an alarm; where somebody has done so already, his stays."""
+        key = trouble.place_key
+        if key not in self._kept:
+            at = now.isoformat(timespec="seconds")
+            self._kept[key] = Acknowledgement(*key, since, by, at)
+            while len(self._kept) > MOST:
+                del self._kept[next(iter(self._kept))]
+            self.version += 1
+        return self._kept[key]
+
+    def follow(self, found: Sequence[Trouble], now_s: float) -> None:
+        """End the acknowledgements of troubles that are over; ``now_s`` is monotonic."""
+        there = {trouble.place_key for trouble in found}
+        for key in [key for key in self._kept if key not in there]:
+            if now_s >= self._stays_until_s and not is_hidden(*key, found):
+                del self._kept[key]
+                self.version += 1
+
+    def encoded(self) -> bytes:
+        """Return all of them, for :meth:`restore`."""
+        return msgspec.json.encode([asdict(one) for one in self._kept.values()])
+
+    def restore(self, content: bytes, now_s: float) -> None:
+        """Take over what :meth:`encoded` returned before a restart.
+
+        Raises:
+            ValueError: it is something else.
+        """
+        kept = msgspec.json.decode(content, type=list[Acknowledgement])
+        self._kept = {(one.kind, one.place): one for one in kept[-MOST:]}
+        self._stays_until_s = now_s + LOOK_S

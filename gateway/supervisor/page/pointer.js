@@ -1,0 +1,94 @@
+// @ts-check
+// The values of a drawing at the pointer, and with the arrow keys: a slider under the drawing, for keys and
+// screen readers, moves the same mark.
+
+import { make, setAttribute, setText, show } from "./dom.js";
+
+/**
+ * What can be read in a drawing.
+ * @typedef {{ stops: () => number, nearest: (share: number) => number, mark: (index: number | null) => string }} Readable
+ * `stops`: how many places have values; `nearest`: which of them is where so much of the width is to the left;
+ * `mark`: show one, or none, and return its values in words
+ */
+
+export class Pointer {
+  /**
+   * @param {Element} drawing
+   * @param {Readable} readable
+   * @param {string} name what a screen reader calls the slider
+   */
+  constructor(drawing, readable, name) {
+    this.readable = readable;
+    /** @type {number | null} which place is marked */
+    this.at = null;
+    this.words = make("p", { class: "pointer-words", "aria-hidden": "true", hidden: "" });
+    this.slider = /** @type {HTMLInputElement} */ (
+      make("input", { class: "pointer-slider", type: "range", min: "0", max: "0", step: "1", "aria-label": name })
+    );
+    drawing.addEventListener("pointermove", (event) => this.point(drawing, /** @type {PointerEvent} */ (event)));
+    drawing.addEventListener("pointerdown", (event) => this.point(drawing, /** @type {PointerEvent} */ (event)));
+    drawing.addEventListener("pointerleave", () => this.set(null));
+    this.slider.addEventListener("focus", () => {
+      setAttribute(this.slider, "max", String(Math.max(0, readable.stops() - 1)));
+      this.set(Math.min(Number(this.slider.value), readable.stops() - 1));
+    });
+    this.slider.addEventListener("input", () => this.set(Number(this.slider.value)));
+    this.slider.addEventListener("blur", () => this.set(null));
+    this.slider.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") {
+        this.set(null);
+      }
+    });
+  }
+
+  /**
+   * @param {Element} drawing
+   * @param {PointerEvent} event
+   */
+  point(drawing, event) {
+    const { left, width } = drawing.getBoundingClientRect();
+    if (width > 0 && this.readable.stops() > 0) {
+      this.set(this.readable.nearest((event.clientX - left) / width));
+    }
+  }
+
+  /** @param {number | null} index */
+  set(index) {
+    const stops = this.readable.stops();
+    this.at = index === null || stops === 0 ? null : Math.max(0, Math.min(index, stops - 1));
+    const words = this.readable.mark(this.at);
+    show(this.words, this.at !== null);
+    setText(this.words, words);
+    if (this.at !== null) {
+      setAttribute(this.slider, "max", String(stops - 1));
+      this.slider.value = String(this.at);
+      setAttribute(this.slider, "aria-valuetext", words);
+    }
+  }
+
+  /** Draw the mark anew, where the drawing under it is another one. */
+  redraw() {
+    if (this.at !== null) {
+      this.set(this.at);
+    }
+  }
+}
+
+/**
+ * Which of ascending values is nearest to one; there has to be one.
+ * @param {number[]} values
+ * @param {number} wanted
+ */
+export function nearestOf(values, wanted) {
+  let low = 0;
+  let high = values.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (values[middle] <= wanted) {
+      low = middle;
+    } else {
+      high = middle;
+    }
+  }
+  return wanted - values[low] <= values[high] - wanted ? low : high;
+}

@@ -1,0 +1,109 @@
+// @ts-check
+// A sound for an alarm that is new and that nobody has acknowledged. Off until somebody asks for it: a browser
+// lets a page make a sound only after a click or a key.
+
+import { byId, setAttribute, setText } from "./dom.js";
+import { t } from "./language.js";
+
+const KEPT = "pitch-gateway-sound";
+const TONES_HZ = [880, 660];
+const TONE_S = 0.18;
+const LOUDNESS = 0.25;
+
+/** @typedef {import("./model.js").Trouble} Trouble */
+
+export class Sound {
+  constructor() {
+    this.button = byId("sound");
+    /** @type {AudioContext | null} */
+    this.context = null;
+    /** @type {Set<string> | null} alarms that were there before; null: nothing has come yet */
+    this.heard = null;
+    this.isLost = false;
+    this.isOn = remembered();
+    this.button.addEventListener("click", () => this.turn(!this.isOn));
+    for (const kind of ["pointerdown", "keydown"]) {
+      document.addEventListener(kind, () => this.allow());
+    }
+    this.show();
+  }
+
+  /** @param {boolean} isOn */
+  turn(isOn) {
+    this.isOn = isOn;
+    try {
+      localStorage.setItem(KEPT, isOn ? "on" : "off");
+    } catch {
+      // A browser that keeps nothing: the choice holds until the page is left.
+    }
+    this.allow();
+    if (isOn) {
+      this.play(1); // so sounds it
+    }
+    this.show();
+  }
+
+  /** With a click or a key the browser lets the page make a sound from now on. */
+  allow() {
+    if (this.isOn) {
+      this.context ??= new AudioContext();
+      void this.context.resume().then(() => this.show());
+    }
+  }
+
+  show() {
+    const isAllowed = this.context?.state === "running";
+    setText(this.button, !this.isOn ? t("Sound: off") : isAllowed ? t("Sound: on") : t("Sound: on after a click"));
+    setAttribute(this.button, "aria-pressed", String(this.isOn));
+  }
+
+  /**
+   * Sound where an alarm is new and not acknowledged; what there was when the page was opened is not new.
+   * @param {Trouble[]} troubles
+   */
+  hear(troubles) {
+    const now = new Set(troubles.map(({ kind, where, since }) => `${kind} ${where} ${since}`));
+    const fresh = troubles.filter(
+      ({ kind, where, since, acknowledged }) => !acknowledged && !this.heard?.has(`${kind} ${where} ${since}`),
+    );
+    if (this.heard !== null && fresh.length) {
+      this.play(fresh.some(({ severity }) => severity === "error") ? 3 : 1);
+    }
+    this.heard = now;
+  }
+
+  /** @param {boolean} isLost whether the gateway does not answer */
+  hearSilence(isLost) {
+    if (isLost && !this.isLost && this.heard !== null) {
+      this.play(3);
+    }
+    this.isLost = isLost;
+  }
+
+  /** @param {number} times */
+  play(times) {
+    const { context } = this;
+    if (!this.isOn || context === null) {
+      return;
+    }
+    const loudness = context.createGain();
+    loudness.gain.value = LOUDNESS;
+    loudness.connect(context.destination);
+    for (let number = 0; number < times * TONES_HZ.length; number += 1) {
+      const tone = context.createOscillator();
+      tone.frequency.value = TONES_HZ[number % TONES_HZ.length];
+      tone.connect(loudness);
+      const begin = context.currentTime + number * TONE_S + Math.floor(number / TONES_HZ.length) * TONE_S;
+      tone.start(begin);
+      tone.stop(begin + TONE_S);
+    }
+  }
+}
+
+function remembered() {
+  try {
+    return localStorage.getItem(KEPT) === "on";
+  } catch {
+    return false;
+  }
+}

@@ -1,0 +1,46 @@
+"""The quick start: its five commands, pasted as they stand, and the two lines that it promises."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.docs.pages import blocks
+from tests.ports import free_port
+
+ROOT = Path(__file__).parents[2]
+PASTED, SAID, LOOKED, *_ = blocks("quick-start.md")
+
+
+def test_from_an_empty_clone_to_the_first_corrected_move_it_is_five_commands(tmp_path: Path) -> None:
+    """What ``make program`` installs is there. The ports are this test's own: the page's may be taken."""
+    commands = PASTED.text.splitlines()
+    assert len(commands) <= 5
+    for folder in ("desk", "tables"):
+        shutil.copytree(ROOT / "deploy" / folder, tmp_path / "deploy" / folder)
+    script = "\n".join(["make() { :; }", *commands, LOOKED.text, "kill %1 %2; wait"])
+    configuration = tmp_path / "deploy" / "desk" / "gateway.toml"
+    for port in ("5020", "1502", "8480"):
+        own = str(free_port())
+        script = script.replace(f"controller.py {port}", f"controller.py {own}")
+        configuration.write_text(configuration.read_text().replace(f":{port}", f":{own}"))
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-c", script],
+        cwd=tmp_path,
+        env=os.environ | {"HOME": str(tmp_path / "home"), "PATH": path},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.stdout.startswith(SAID.text), done.stdout + done.stderr
+    assert re.search(r"x +active +backward +-150\.0000 +-150\.0120", done.stdout)
+    assert re.search(r"added +│ -0\.0029 mm +│ -0\.0121 mm", done.stdout)
+
+
+def test_it_is_read_in_a_few_minutes() -> None:
+    text = (ROOT / "docs" / "quick-start.md").read_text()
+    assert len(text.split()) <= 900
