@@ -283,6 +283,8 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     moving = [each for each in unsent if each.pdu in RUNS or writes_target(each.pdu)]
     is_distance = any(runs_distance(world, number, each.pdu) for each in moving)
     run = axis.run
+    if is_distance and address == ACTUAL.address and axis.goes_counts is not None and run is not None:
+        note_run(world, number, doubt=max(run.doubt, 1))  # no place on the way is the base of a distance (M5)
     # Beside its target a reading that is a moment old tells no direction.
     is_beside = any(abs(axis.stands_counts - each) <= CORRECTION_COUNTS for each in world.design.targets)
     is_beside |= "nudge" in world.design.happenings or "mode-absolute" in world.design.menu
