@@ -892,7 +892,7 @@ def _note_proof(world: "World", wire: "Wire") -> None:
         axes = list(world.state.axes)
         axes[number] = axis._replace(read_counts=axis.stands_counts)
         world.state = world.state._replace(axes=tuple(axes))
-    if run is None or not is_tried or run.is_told:
+    if run is None or not is_tried or run.is_told or facts.was_out_of_reach(world, number):
         return
     near, end = world.design.beside_counts, run.end_counts
     is_proven = address == COMMAND.address and wire.owner >= 0 and axis.target_counts == end
