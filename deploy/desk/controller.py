@@ -15,7 +15,7 @@ def connect():
             return socket.create_connection(("127.0.0.1", int(port)))
         except ConnectionRefusedError:
             time.sleep(0.1)
-    sys.exit(f"nobody listens at port {port}")
+    sys.exit(f"No program listens on port {port}.")
 
 
 with connect() as connection:

@@ -42,14 +42,14 @@ TOKEN_UNUSABLE: Final = EventEntry(
 ALARM_ACKNOWLEDGED: Final = EventEntry(
     "alarm-acknowledged",
     Severity.INFO,
-    "somebody has seen an alarm: `by` is the name of his token. Nothing changes at the machine",
+    "an alarm was acknowledged: `by` is the name of the token. Nothing changes at the machine",
     "the button of the page, or `POST /acknowledge`",
 )
 ACKNOWLEDGEMENTS_LOST: Final = EventEntry(
     "acknowledgements-lost",
     Severity.WARNING,
     "which alarms were acknowledged before the restart is not known: they stand there as new ones",
-    "somebody changed `acknowledged.json` in the state folder, or its disk is bad",
+    "`acknowledged.json` in the state folder was changed, or the disk is bad",
     "acknowledge them again",
 )
 HTTP_FAILED: Final = EventEntry(

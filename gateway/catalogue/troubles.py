@@ -111,7 +111,7 @@ CONTROLLER_GARBLED: Final = TroubleEntry(
 CONTROLLER_ABSENT: Final = TroubleEntry(
     "controller-absent",
     Severity.WARNING,
-    "no controller is connected where one ought to be: nobody moves the axes",
+    "no controller is connected: the axes get no commands",
     "the controller is off, its cable is out, or it connects to another address or port",
     "switch the controller on and check its cable and the address it connects to; where it may stay away for "
     "long, say so with `silent_after_s` of the controller",
@@ -120,7 +120,7 @@ CONTROLLER_ABSENT: Final = TroubleEntry(
 CONTROLLER_SILENT: Final = TroubleEntry(
     "controller-silent",
     Severity.WARNING,
-    "a controller is connected or wired, and asks for nothing: nobody moves the axes",
+    "a controller is connected and sends no requests: the axes get no commands",
     "its program does not run, it is off, or its cable to the serial port is out",
     "look at the controller and its program, then at the cable; where it may be silent for long, say so with "
     "`silent_after_s` of the controller",

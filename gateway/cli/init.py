@@ -102,7 +102,7 @@ def init(
     line, then the next three commands. The axis starts in "shadow": everything is computed and shown, nothing
     is changed.
 
-    Where baud rate, parity or unit ids of the drives are not known and nobody speaks on their line, --scan
+    Where baud rate, parity or unit ids of the drives are not known and their line is silent, --scan
     asks each unit id for one register, at one usual setting after the other, and offers what answered.
 
     Examples:
@@ -249,7 +249,7 @@ def _scanned(asking: Asking, draft: "Draft", unit_id: int | None) -> str:
         return ""
     if found is None:
         typer.echo(
-            "  nobody answers: are the drives on, is the wire on the right plug, are D1 and D0 (A and B) "
+            "  no drive answers: are the drives on, is the wire on the right plug, are D1 and D0 (A and B) "
             "swapped? A drive with a unit id above 8 is looked for with --unit-id",
             err=True,
         )

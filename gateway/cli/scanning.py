@@ -56,7 +56,7 @@ async def scan(
             others = [each for each in range(1, LAST_UNIT_ID + 1) if each not in first]
             found += await _answering(device, serial, address, others)
             return Scanned(serial, tuple(sorted(found)))
-        say(f"{format_words(serial)}: nobody")
+        say(f"{format_words(serial)}: no answer")
     return None
 
 

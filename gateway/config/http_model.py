@@ -35,7 +35,7 @@ class TokenSection(StrictModel):
         "credential:NAME; pitch-gateway token makes one"
     )
     acknowledge: bool = Field(
-        default=False, description="whoever has it may acknowledge alarms; the log and the page then name it"
+        default=False, description="this token may acknowledge alarms; the log and the page show its name"
     )
 
 

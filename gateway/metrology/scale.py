@@ -66,7 +66,7 @@ def fault_of_trial(moved: float, counts_per_unit: float, units: Units) -> str:
         ReadingsError: it is no finite number.
 
     >>> fault_of_trial(10.0, 1000.0, Units.MM)
-    'it moved by 10 mm, not by 1 mm: counts_per_unit has to be about 100, not 1000'
+    'it moved by 10 mm, not by 1 mm: counts_per_unit should be about 100, not 1000'
     >>> fault_of_trial(-0.98, 1000.0, Units.MM)
     'it moved by -0.98 mm, not by 1 mm: turn the sign of counts_per_unit, -1000'
     >>> fault_of_trial(0.95, 1000.0, Units.MM)
@@ -84,7 +84,7 @@ def fault_of_trial(moved: float, counts_per_unit: float, units: Units) -> str:
     if abs(ratio + 1.0) <= ROUGHLY:
         return f"{said}: turn the sign of counts_per_unit, {-counts_per_unit:.9g}"
     right = counts_per_unit * ScaleError(ratio - 1.0).counts_factor
-    return f"{said}: counts_per_unit has to be about {right:.6g}, not {counts_per_unit:.9g}"
+    return f"{said}: counts_per_unit should be about {right:.6g}, not {counts_per_unit:.9g}"
 
 
 def scale_of(readings: Iterable[Reading]) -> ScaleError | None:

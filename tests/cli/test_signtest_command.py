@@ -160,8 +160,8 @@ def test_what_cannot_be_tested_is_said(config: Path, arguments: list[str], code:
     ("moved", "fault"),
     [
         ("0.97", ""),
-        ("10", "it moved by 10 mm, not by 1 mm: counts_per_unit has to be about 100, not 1000"),
-        ("0.1", "it moved by 0.1 mm, not by 1 mm: counts_per_unit has to be about 10000, not 1000"),
+        ("10", "it moved by 10 mm, not by 1 mm: counts_per_unit should be about 100, not 1000"),
+        ("0.1", "it moved by 0.1 mm, not by 1 mm: counts_per_unit should be about 10000, not 1000"),
         ("-1", "it moved by -1 mm, not by 1 mm: turn the sign of counts_per_unit, -1000"),
         ("0", "it moved by 0 mm, not by 1 mm: is the drive enabled? is counts_per_unit, 1000, large enough?"),
     ],

@@ -23,4 +23,4 @@ def test_on_a_terminal_it_asks_for_the_move_first(tmp_path: Path) -> None:
     os.close(controlling)
     os.close(terminal)
     assert (asking.returncode, "command one move up, then 1 mm more" in asked.decode()) == (1, True), asked
-    assert b"counts_per_unit has to be about 100, not 1000" in said
+    assert b"counts_per_unit should be about 100, not 1000" in said

@@ -72,7 +72,7 @@ def test_it_finds_the_setting_and_everybody_who_answers_and_only_reads(
     code, said = answers(tmp_path, drives.port, "--ask")
     assert code == 0, said
     assert "Register 0x0020 is read of unit ids 1 to 247" in said
-    assert "  57600 8E2: nobody\n" in said  # how the drive is when it is new comes first
+    assert "  57600 8E2: no answer\n" in said  # how the drive is when it is new comes first
     assert "  38400 8E2: an answer from unit id 3; asking the others up to 247\n" in said
     assert "  unit ids that answer: 3, 11\n" in said
     assert "stop bits of the drives [38400 8E2]" in said

@@ -154,7 +154,7 @@ class Judge:
         """The drive may have been switched off: what it holds is not known any more."""
         self.witness.doubt_all()
         self.belief.doubt_all(self.witness.now_ns)
-        self._control = self._unproven = None
+        self._control = None  # a target that was not acknowledged may still be read back
         self._is_proven = False
 
     # --- frames of the gateway's own -----------------------------------------------------------------------
@@ -292,6 +292,8 @@ class Judge:
         held = self.layout.join(words_of(frame.reply[2:])[start : start + 2])  # type: ignore[arg-type]
         if held == self._target_of(unproven):
             self._unproven, self._is_proven = None, True
+            if unproven.written is not None:  # what was refused since was never sent: the drive holds this
+                self.belief.hold(unproven.written)
 
     def lost_unsent(self, request: Request) -> None:
         """A write never reached the drive; who ignores exceptions believes in it all the same."""

@@ -71,11 +71,21 @@ class Ledger:
     """One line with its controllers and axes."""
 
     def __init__(
-        self, clock: Clock, book: Book, witnesses: dict[int, Witness], *, hush_ms: float = 0.0
+        self,
+        clock: Clock,
+        book: Book,
+        witnesses: dict[int, Witness],
+        *,
+        hush_ms: float = 0.0,
+        answer_ms: float = 0.0,
     ) -> None:
-        """``hush_ms``: so long a drive that did not answer is asked nothing, at most (W6)."""
+        """``hush_ms``: so long a drive that did not answer is asked nothing, at most (W6).
+
+        ``answer_ms``: so long it may take to answer.
+        """
         self.clock, self.book = clock, book
         self._hush_ns = int(hush_ms * MS)
+        self._answer_ns = int(answer_ms * MS)
         self._hushed_ns: dict[int, int] = {}
         """Until when that may last, by unit id."""
         self.witnesses = witnesses
@@ -335,6 +345,8 @@ class Ledger:
         Where its controller has given up on it, the same stop that waits already takes its place.
         """
         self._missed_stops.add((frame.unit, frame.pdu))
+        # Its answer may come until then, and the silence begins behind that.
+        self._hushed_ns[frame.unit] = frame.sent_ns + self._answer_ns + self._hush_ns
         request = frame.request
         if request is None:
             return

@@ -172,6 +172,11 @@ class Belief:
             if register.number == sent.number:
                 register.word, register.is_taken_back = before.target[index], True
 
+    def hold(self, written: Written) -> None:
+        """Take note that the drive was read, and holds a target that was written before."""
+        for register, word in zip(self.target, written.target, strict=True):
+            register.word = word
+
     def _are_both_new(self) -> bool:
         """Whether both halves were written since the target was lost, and surely belong to one command."""
         first_ns, second_ns = (register.at_ns for register in self.target)

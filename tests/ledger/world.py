@@ -119,7 +119,7 @@ class World:
             for layout in setup.layouts
         }
         hush_ms = LONGEST_DRAIN * DRAIN_MS if setup.has_serial_drives else 0.0
-        self.ledger = Ledger(self.clock, book, witnesses, hush_ms=hush_ms)
+        self.ledger = Ledger(self.clock, book, witnesses, hush_ms=hush_ms, answer_ms=TIMEOUT_MS)
         self.stillness = Stillness(self.clock, self._rng, book)
         self._speeds = random_speeds(self._rng) if setup.is_cut(seed) else None
         is_cut = self._speeds is not None

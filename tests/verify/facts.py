@@ -96,6 +96,8 @@ class Facts(NamedTuple):
     """Something was lost since the frame on the wire has left."""
     read_ns: int = 0
     """When its place was read, if it was told nothing since."""
+    uncounted_ns: int = 0
+    """When its place was read last before its reference changed; a reading of that moment is not newer."""
     heard_ns: int = 0
     """When it was told something that it acknowledged, or said where it is."""
 
@@ -118,7 +120,8 @@ def note(world: "World", number: int, facts: Facts) -> None:
     axes = list(world.state.axes)
     was = axes[number].facts
     if was is not None and was.is_found is not facts.is_found:
-        facts = facts._replace(read_ns=0)  # it may have been counted from another zero
+        # It may have been counted from another zero.
+        facts = facts._replace(read_ns=0, uncounted_ns=facts.read_ns)
         owe_proof(world, range(len(axes)) if world.design.groups else ())
         axes = list(world.state.axes)
         facts = facts._replace(is_owed_proof=True)
@@ -210,11 +213,11 @@ def unanswered(
     facts = _of(world, number)
     facts = facts._replace(read_ns=0)
     if is_cut:
-        facts = _fell_silent(facts, plan, world.now_ns)
+        facts = _fell_silent(world, facts, plan)
     if wire.pdu[0] != 3:
         facts = _reference_after(facts, plan, wire, world.now_ns, is_obeyed=False)
     if not is_cut and not has_said_something:
-        facts = _fell_silent(facts, plan, world.now_ns, wire.sent_ns)
+        facts = _fell_silent(world, facts, plan, wire.sent_ns)
     note(world, number, facts)
     rules.note_other_lost(world, number, wire)
     if wire.pdu[0] != 3:
@@ -225,7 +228,7 @@ def link_lost(world: "World", unit_ids: set[int]) -> None:
     """The way to the drives was lost; of some a frame was on it."""
     for number, plan in enumerate(world.design.plans):
         if plan.unit_id not in unit_ids:
-            note(world, number, _fell_silent(_of(world, number), plan, world.now_ns))
+            note(world, number, _fell_silent(world, _of(world, number), plan))
     owe_proof(world, range(len(world.design.plans)))
 
 
@@ -300,12 +303,18 @@ def restarted(world: "World", wire: "Wire | None", *, has_record: bool) -> None:
         note(world, number, first(plan)._replace(is_recalling=is_written and not is_unknown))
 
 
-def _fell_silent(facts: Facts, plan: AxisPlan, now_ns: int, sent_ns: int = 0) -> Facts:
+def _fell_silent(world: "World", facts: Facts, plan: AxisPlan, sent_ns: int = 0) -> Facts:
     """``sent_ns``: when the request left that was not answered; none where the link went."""
-    if plan.referenced is Reference.ABSOLUTE:
+    if plan.referenced is Reference.ABSOLUTE and not world.design.judges_proof:
         return facts
-    since_ns = facts.silent_since_ns or sent_ns or now_ns
-    return facts._replace(silent_since_ns=since_ns, silent_until_ns=now_ns, is_doubted=True)
+    since_ns = facts.silent_since_ns or sent_ns or world.now_ns
+    return facts._replace(silent_since_ns=since_ns, silent_until_ns=world.now_ns, is_doubted=True)
+
+
+def was_out_of_reach(world: "World", number: int) -> bool:
+    """Whether a drive that has just answered was silent for so long that it may have been switched off."""
+    facts = _of(world, number)
+    return bool(facts.silent_since_ns) and _was_lost_long(facts, world.design.plans[number])
 
 
 def _was_lost_long(facts: Facts, plan: AxisPlan) -> bool:
@@ -431,7 +440,8 @@ def is_unseen(world: "World", number: int) -> bool:
 
 def is_just_read(world: "World", number: int) -> bool:
     """Whether the place of an axis was read at this very moment."""
-    return _of(world, number).read_ns == world.now_ns
+    facts = _of(world, number)
+    return facts.read_ns == world.now_ns != facts.uncounted_ns
 
 
 def why_no_bit(world: "World", number: int, *, is_target: bool, is_read: bool) -> str:

@@ -283,6 +283,8 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     moving = [each for each in unsent if each.pdu in RUNS or writes_target(each.pdu)]
     is_distance = any(runs_distance(world, number, each.pdu) for each in moving)
     run = axis.run
+    if is_distance and address == ACTUAL.address and axis.goes_counts is not None and run is not None:
+        note_run(world, number, doubt=max(run.doubt, 1))  # no place on the way is the base of a distance (M5)
     # Beside its target a reading that is a moment old tells no direction.
     is_beside = any(abs(axis.stands_counts - each) <= CORRECTION_COUNTS for each in world.design.targets)
     is_beside |= "nudge" in world.design.happenings or "mode-absolute" in world.design.menu
@@ -890,7 +892,7 @@ def _note_proof(world: "World", wire: "Wire") -> None:
         axes = list(world.state.axes)
         axes[number] = axis._replace(read_counts=axis.stands_counts)
         world.state = world.state._replace(axes=tuple(axes))
-    if run is None or not is_tried or run.is_told:
+    if run is None or not is_tried or run.is_told or facts.was_out_of_reach(world, number):
         return
     near, end = world.design.beside_counts, run.end_counts
     is_proven = address == COMMAND.address and wire.owner >= 0 and axis.target_counts == end

@@ -336,7 +336,8 @@ class BytesWorld(World):
         taken = {each.transaction_id for each in self.state.asked[0]}
         taken.update(given for owner, given in self.state.given_up if owner == 0)
         transaction_id = next(i for i in range(1, 99) if i not in taken)
-        asked = (*self.state.asked[0], Asked(pdu, transaction_id, ticks=ticks, axis=axis))
+        is_owed = self.state.axes[axis].hush_ticks > 0
+        asked = (*self.state.asked[0], Asked(pdu, transaction_id, ticks=ticks, axis=axis, is_owed=is_owed))
         order = (*self.state.order, (0, transaction_id))
         self.state = self.state._replace(asked=(asked, *self.state.asked[1:]), order=order)
         return transaction_id, encode_mbap(transaction_id, self.design.plans[axis].unit_id, pdu)

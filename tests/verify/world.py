@@ -1177,7 +1177,8 @@ class World:
                 )  # fmt: skip
                 is_distance = wire is not None and wire.aim is not None and wire.aim.base is not None
                 run = run._replace(is_recalled=is_known, is_open=is_known and (is_distance or run.is_open))
-                self._set(number, axis._replace(run=run))
+                tried = axis.tried if is_known or not is_restart else None  # no record names that target
+                self._set(number, axis._replace(run=run, tried=tried))
 
     def _on_table(self) -> None:
         number = 1 - self.state.table

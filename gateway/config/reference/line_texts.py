@@ -223,7 +223,7 @@ CONTROLLERS: Final[Texts] = {
             "after so many seconds without a request of this controller its axes are not healthy any more: "
             "page, `status`, MQTT and metrics say since when (troubles `controller-absent`, "
             "`controller-silent`). Set it longer than the controller ever stays away: `90000` for one that "
-            "comes once a day. `0`: it comes and goes, and nobody misses it. A reload takes it over"
+            "comes once a day. `0`: it may stay away; no warning. A reload takes it over"
         ),
         default="5 for the motion controllers of a line together: one that asks is enough. Others: `0`",
     ),

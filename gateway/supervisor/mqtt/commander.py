@@ -1,7 +1,7 @@
 """Taking commands as they come, carrying them out one after the other, and answering each of them.
 
-Nothing is dropped in silence: what comes too fast is counted, and its last one named. A command to switch
-compensation off is never one of those.
+Nothing is dropped in silence: commands that come too fast are counted, and the last of them is named. A
+``disable`` is never one of those, unless ``MOST_WAITING`` commands wait for their turn.
 """
 
 import asyncio
