@@ -25,7 +25,8 @@ REMARKS: Final = (
         "L3",
         "warning",
         "forward - backward would be less than half as rough with the backward list turned round: logged "
-        "from the other end?",
+        "from the other end? Silent where the list ends with 0 at home, as it must, and turned round would "
+        "not",
         "look up from which end the backward list was logged, and turn it round where it was the other end",
     ),
     RemarkEntry(
@@ -47,7 +48,8 @@ REMARKS: Final = (
         "warning",
         "a point bends the curve more than 8 times as much as the median (and by more than 1 µm); it is "
         "left out, and the others are judged again. Up to 18 points that lie about evenly: without it, or"
-        " without two, the others bend at most a quarter as much (and it bends by more than 3 µm)",
+        " without two, the others bend at most a quarter as much (and it bends by more than 3 µm). The value "
+        "at home that is 0 by definition is never named",
         "look at this line of the file; measure the point once more where the file is as it was measured",
     ),
     RemarkEntry(
@@ -146,9 +148,9 @@ REMARKS: Final = (
     ),
     RemarkEntry(
         "R9",
-        "warning",
-        "Mint's offset of the screw has two readings",
-        "compare both readings with `signtest`",
+        "refused",
+        "Mint's offset of the screw has two readings, and `file_start` does not say which",
+        "tell with `file_start` where mark A lies; `signtest` proves it at the machine",
     ),
     RemarkEntry(
         "R10",
@@ -161,6 +163,13 @@ REMARKS: Final = (
         "warning",
         "the program that the table comes from leaves its compensation off",
         "ask why: the table may never have been in force",
+    ),
+    RemarkEntry(
+        "R12",
+        "info",
+        "first forward and last backward value are both not 0, which TB058 asks for; its own example breaks "
+        "it",
+        "nothing has to be done where the table was measured so",
     ),
 )
 """Every code keeps its meaning for ever."""

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from gateway.compensation.settings import BacklashKind
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.sign_test import NOTHING, Pair, SignTest, Verdict, Way
 
@@ -19,6 +20,15 @@ DIRECTION = (
     "the axis goes the other way: turn the sign of counts_per_unit (with zero_counts as it is), or the "
     "instrument counts the other way: turn its sign and measure again"
 )
+HOMED = {
+    BacklashKind.HOMED_FORWARD: BacklashKind.HOMED_BACKWARD,
+    BacklashKind.HOMED_BACKWARD: BacklashKind.HOMED_FORWARD,
+}
+NEGATIVE = (
+    "the readings ask for a lost motion below 0, which no screw has: take both again, each one approached "
+    "from its own side"
+)
+OF_A_TABLE = frozenset({Verdict.SENSE_INVERTED, Verdict.COLUMNS_SWAPPED, Verdict.BOTH})
 WIDTH = 50
 UNITS_RATIO = 2.0
 ROUGHLY = 0.25
@@ -38,6 +48,8 @@ class SignReport:
     def remedy(self) -> str:
         """What to change; empty when nothing is to be changed."""
         file = self.plan.table_name
+        if not file and self.test.verdict in OF_A_TABLE:
+            return self._remedy_of_backlash()
         columns = COLUMNS.get(self.plan.table_format, "exchange the corrections of its two directions")
         return {
             Verdict.RIGHT: "",
@@ -49,13 +61,26 @@ class SignReport:
             Verdict.NOTHING_FITS: self._why_nothing(),
         }[self.test.verdict]
 
+    def _remedy_of_backlash(self) -> str:
+        """What to change where the axis has no table but a backlash, of which a sign cannot be wrong."""
+        backlash = self.plan.settings.backlash
+        other = None if backlash is None else HOMED.get(backlash.kind)
+        if self.test.verdict is not Verdict.BOTH or other is None:
+            return NEGATIVE
+        return f'in backlash of [axis.{self.plan.name}] write kind = "{other.value}"'
+
     def text(self) -> Iterator[str]:
         """Yield the report, line by line."""
         test, units = self.test, self.plan.settings.units.value
-        yield f"axis {self.plan.name} at {self.nominal_position:.6g} {units}, table {self.plan.table_name}"
+        corrected_by = f"table {self.plan.table_name}" if self.plan.table_name else "backlash alone"
+        yield f"axis {self.plan.name} at {self.nominal_position:.6g} {units}, {corrected_by}"
         yield f"{'':<{WIDTH}} {'forward':>12} {'backward':>12}   off by"
         yield _row("the readings ask for", test.measured.forward, test.measured.backward)
-        yield _row("the table adds", test.table.forward, test.table.backward)
+        yield _row(
+            "the table adds" if self.plan.table_name else "the backlash adds",
+            test.table.forward,
+            test.table.backward,
+        )
         for way, pair in test.expected.items():
             forward, backward = test.position - pair.forward, test.position - pair.backward
             yield f"{_row(f'it would be, {way.value}', forward, backward)}   {test.off_by[way]:.6g}"

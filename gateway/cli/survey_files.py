@@ -240,7 +240,7 @@ def written(
     return result, again, difference
 
 
-def write_file(out: Path, text: str, *, force: bool) -> None:
+def write_file(out: Path, text: str, *, force: bool, encoding: str = "utf-8") -> None:
     """Write a file, an existing one only with ``force``, and one of readings never.
 
     A forgotten OUT makes the last file of readings the one to write.
@@ -250,7 +250,7 @@ def write_file(out: Path, text: str, *, force: bool) -> None:
     """
     if is_readings(out):
         raise TabFileError(Problem(str(out), "a file of readings", "another name for OUT, the last argument"))
-    table_writing.write(out, text, force=force)
+    table_writing.write(out, text, force=force, encoding=encoding)
 
 
 def told_to_reader(result: Written, again: LoadedTable) -> dict[str, object]:

@@ -133,7 +133,9 @@ def lint(
         if json:
             output.print_json(_lint_json(str(file), None, [_as_lint(problem) for problem in error.problems]))
         fail(error)
-    failing = [lint for lint in loaded.lints if strict or _fails(lint)]
+    failing = [
+        lint for lint in loaded.lints if _fails(lint) or (strict and lint.severity is not Severity.INFO)
+    ]
     if json:
         output.print_json(_lint_json(str(file), loaded.format, loaded.lints, ok=not failing))
     else:
@@ -167,4 +169,5 @@ def _lint_json(file: str, form: str | None, lints: Sequence[Lint], *, ok: bool =
 
 def _count(lints: Sequence[Lint]) -> str:
     errors = sum(lint.severity is Severity.ERROR for lint in lints)
-    return f"{errors} error(s), {len(lints) - errors} warning(s)"
+    warnings = sum(lint.severity is Severity.WARNING for lint in lints)
+    return f"{errors} error(s), {warnings} warning(s)"

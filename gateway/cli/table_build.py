@@ -125,7 +125,7 @@ def build(
         # in which order both lists stand is known here, for they come from the readings
         again = replace(again, lints=tuple(lint for lint in again.lints if lint.code != "L3"))
         notes = [*built.notes, *notes_of(survey, counts_per_unit), *_one_curve(table, again, target.name)]
-        shared.write_file(out, result.text, force=force)
+        shared.write_file(out, result.text, force=force, encoding=result.encoding)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))
     left_out = None if built.screw is None else built.screw.left_out(again.table)
     if json:

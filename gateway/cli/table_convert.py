@@ -83,7 +83,7 @@ def convert(
             is_modulo=is_modulo(loaded, table),
         )
         result = converted(table, target, options)
-        write(out, result.written.text, force=force)
+        write(out, result.written.text, force=force, encoding=result.written.encoding)
     report = _Report(loaded, out, target, table.units, even, result)
     if json:
         output.print_json(report.to_json())

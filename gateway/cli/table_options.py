@@ -63,7 +63,17 @@ FileHome = Annotated[
 ]
 FileStart = Annotated[
     float | None,
-    typer.Option(metavar="S", help="Position of the lowest point, where the file does not say it."),
+    typer.Option(
+        metavar="S", help="Position of the lowest point (Mint: of mark A), where the file does not prove it."
+    ),
+]
+Increment = Annotated[
+    float | None,
+    typer.Option(
+        "--increment",
+        metavar="STEP",
+        help="Distance of the points of a Mint table, where the program does not set PRECISIONINCREMENT.",
+    ),
 ]
 Layout = Annotated[
     V1Layout | None,
@@ -143,6 +153,7 @@ class Told:
     file_counts_per_unit: FileCounts = None
     file_home: FileHome = None
     file_start: FileStart = None
+    increment: Increment = None
     file_axis: FileAxis = None
     v1_layout: Layout = None
     fagor_sense: FagorSense = None
@@ -169,6 +180,7 @@ class Told:
             file_counts_per_unit=self.file_counts_per_unit,
             v1_layout=self.v1_layout,
             file_start=self.file_start,
+            increment=self.increment,
             file_home=self.file_home,
             counts_per_unit=counts_per_unit,
             format=self.format,

@@ -104,7 +104,7 @@ def refine(
         options = replace(options, is_modulo=is_modulo(loaded, table))
         result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
         result = replace(result, losses=(*result.losses, *turns_lost(loaded, again.source.modulo)))
-        shared.write_file(out, result.text, force=force)
+        shared.write_file(out, result.text, force=force, encoding=result.encoding)
     if json:
         _print_json(file, out, refined, (result, again, difference))
     else:

@@ -121,7 +121,7 @@ def _rows(table: CorrectionTable) -> list[SourceRow]:
     return [SourceRow(x, forward, backward, 0.0, 0.0, None, None) for x, forward, backward in points]
 
 
-def write(out: Path, text: str, *, force: bool) -> None:
+def write(out: Path, text: str, *, force: bool, encoding: str = "utf-8") -> None:
     """Write the file; an existing one only with ``force``, and then in one step, with the mode it had.
 
     A symbolic link is followed: the file that it names is written.
@@ -131,9 +131,9 @@ def write(out: Path, text: str, *, force: bool) -> None:
     """
     try:
         if force:
-            _replace(Path(os.path.realpath(out)), text.encode())
+            _replace(Path(os.path.realpath(out)), text.encode(encoding))
         else:
-            _create(out, text.encode())
+            _create(out, text.encode(encoding))
     except FileExistsError:
         raise TabFileError(Problem(str(out), "a file of this name", "a new name, or --force")) from None
     except OSError as error:

@@ -1,12 +1,23 @@
-"""Constant lost motion, for tables that know only one direction.
+"""Constant lost motion, for tables that know only one direction, or for an axis without a table.
 
 A table with two columns already contains the lost motion: forward - backward is the backlash at each point.
 Applying it once more would double it, so the two exclude each other (Mint, ISG and LinuxCNC agree).
 """
 
+from typing import Final
+
 from gateway.compensation.errors import SettingsError
-from gateway.compensation.settings import Backlash, BacklashKind
+from gateway.compensation.settings import AxisSettings, Backlash, BacklashKind
 from gateway.compensation.table import CorrectionTable, make_table
+
+ANYWHERE: Final = 1e9
+"""An axis without travel reaches this far at most, in units."""
+
+
+def no_correction(settings: AxisSettings) -> CorrectionTable:
+    """Return the table of an axis that has none, for its backlash: zeros wherever the axis may be."""
+    low, high = settings.travel or ((0.0, settings.modulo) if settings.modulo else (-ANYWHERE, ANYWHERE))
+    return make_table([low, high], [0.0, 0.0], [0.0, 0.0], settings.units)
 
 
 def with_backlash(table: CorrectionTable, backlash: Backlash) -> CorrectionTable:

@@ -98,6 +98,9 @@ class TableOptions(StrictModel):
     )
     v1_layout: ByName[V1Layout] | None = Field(default=None, description="what the first value belongs to")
     file_start: Length | None = Field(default=None, description="machine position of the first point")
+    increment: PositiveLength | None = Field(
+        default=None, description="distance of the points of a Mint program that does not set it"
+    )
     file_home: ByName[HomeSide] | None = Field(default=None, description="the end at which it homes")
     format: str | None = Field(default=None, description="name of the format, where the text fits several")
     file_units: ByName[Units] | None = Field(default=None, description="units of a file that states none")
@@ -197,6 +200,11 @@ class AxisSection(StrictModel):
         default=DEFAULT_WRITER_HOLD_S,
         description="seconds without a move after which another controller may move the axis",
     )
+
+    @property
+    def is_corrected(self) -> bool:
+        """Whether anything of it may be corrected: it has a table, or a backlash of its own."""
+        return self.table is not None or self.backlash is not None
 
 
 class GroupSection(StrictModel):

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+from gateway.compensation.backlash import no_correction
 from gateway.config.axis_model import AddedFrames, AxisSection, StoredMoves, Unmapped, Writers
 from gateway.config.check_tls import tls_files
 from gateway.config.crosses import Crosses
@@ -131,12 +132,15 @@ def _tls_plan(controller: ControllerSection, folder: Path) -> TlsPlan | None:
 
 
 def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: NamedProfile | None) -> AxisPlan:
-    registers = _registers(axis)
+    registers, settings = _registers(axis), settings_of(axis)
+    found = None if table is None else table.table
+    if axis.table is None and axis.backlash is not None:
+        found = no_correction(settings)
     return AxisPlan(
         name=name,
         unit_id=axis.unit_id,
-        settings=settings_of(axis),
-        table=None if table is None else table.table,
+        settings=settings,
+        table=found,
         compensation=axis.compensation,
         referenced=axis.referenced,
         command=tuple(field for position in registers.command for field in position.fields()),

@@ -7,6 +7,7 @@ from typing import Final
 from gateway.compensation.settings import BacklashKind, OutsideKind, ReversalKind, Setpoints
 from gateway.compensation.units import Units
 from gateway.config.axis_model import AxisSection, HomeApproach
+from gateway.config.check_tables import check_backlash_alone
 from gateway.config.explain import suggest
 from gateway.config.findings import Findings
 from gateway.config.line_model import LineSection
@@ -187,15 +188,19 @@ def _check_without_table(findings: Findings, path: KeyPath, axis: AxisSection) -
             )
     if axis.table is not None or findings.is_refused((*path, "table")):
         return
-    if axis.compensation is CompensationMode.ON and "compensation" in axis.model_fields_set:
+    is_asked_for = axis.compensation is CompensationMode.ON and "compensation" in axis.model_fields_set
+    if is_asked_for and backlash is None:
         findings.warn(
             (*path, "compensation"),
             'compensation = "on" without a table: positions pass uncorrected, and the axis is not green',
             'name its file with `table` once it is measured; until then leave the key out, or write "off"',
         )
-    for key in ("backlash", "table_options"):
-        if key in axis.model_fields_set:
-            findings.refuse((*path, key), f"{key} without a table", "name the table file, or leave it out")
+    if "table_options" in axis.model_fields_set:
+        findings.refuse(
+            (*path, "table_options"), "table_options without a table", "name the table file, or leave it out"
+        )
+    if backlash is not None:
+        check_backlash_alone(findings, path, axis)
 
 
 def _check_modulo(findings: Findings, path: KeyPath, axis: AxisSection) -> None:

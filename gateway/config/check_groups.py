@@ -47,8 +47,14 @@ def _check_alike(findings: Findings, path: KeyPath, members: Mapping[str, AxisSe
     _check_same(findings, path, lines, "put the axes of a group on one line")
     modes = {name: f'compensation = "{axis.compensation.value}"' for name, axis in members.items()}
     _check_same(findings, path, modes, "write the same for all of them")
-    tables = {name: "no table" if axis.table is None else "a table" for name, axis in members.items()}
+    tables = {name: _corrected_by(axis) for name, axis in members.items()}
     _check_same(findings, path, tables, "give each of them its table, or none")
+
+
+def _corrected_by(axis: AxisSection) -> str:
+    if axis.table is not None:
+        return "a table"
+    return "no table" if axis.backlash is None else "a backlash and no table"
 
 
 def _check_same(findings: Findings, path: KeyPath, values: Mapping[str, str], remedy: str) -> None:

@@ -18,7 +18,7 @@ RELATIVE: Final = (Action.RELATIVE, Action.RELATIVE_TO_COMMANDED, Action.RELATIV
 def check_motion(findings: Findings, sections: Sections) -> None:
     """Check every axis whose registers are known.
 
-    An axis without a table passes 1:1: of what concerns corrections it is not warned.
+    An axis without a table and a backlash passes 1:1: of what concerns corrections it is not warned.
     """
     for name, axis in (sections.axes | sections.partial_axes).items():
         registers = axis.registers
@@ -28,7 +28,7 @@ def check_motion(findings: Findings, sections: Sections) -> None:
         for fault in motion_faults(registers):
             findings.refuse((*path, "registers", *fault.path), fault.found, fault.remedy)
         _check_stops(findings, path, registers)
-        if axis.table is not None:
+        if axis.is_corrected:
             _check_relative(findings, path, axis, registers)
             _check_restaging(findings, path, axis, registers)
             _check_stream(findings, path, axis, registers)

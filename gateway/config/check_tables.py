@@ -1,6 +1,6 @@
 """Whether the table of an axis goes with the other keys of the axis."""
 
-from gateway.compensation.backlash import with_backlash
+from gateway.compensation.backlash import no_correction, with_backlash
 from gateway.compensation.correction_spec import reversal_in_force, spec_of_table
 from gateway.compensation.curve import check_closes
 from gateway.compensation.errors import CompensationError, TableError
@@ -31,6 +31,20 @@ def check_table(findings: Findings, name: str, axis: AxisSection, found: AxisTab
     _check_the_rest(findings, path, settings, found.table)
 
 
+def check_backlash_alone(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    """Check an axis that has a backlash and no table."""
+    settings = settings_of(axis)
+    if settings.outside.kind is not OutsideKind.HOLD and not settings.modulo:
+        findings.refuse(
+            (*path, "outside"),
+            f"outside = {settings.outside.kind.value} with a backlash and no table",
+            "leave it out: lost motion is the same everywhere",
+        )
+    table = _check_backlash(findings, path, settings, no_correction(settings))
+    _check_reversal(findings, path, settings, table)
+    _check_direction(findings, path, axis, table)
+
+
 def _check_backlash(
     findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable
 ) -> CorrectionTable:
@@ -44,11 +58,12 @@ def _check_backlash(
             "leave it out: the difference of the two columns is the backlash",
         )
         return table
+    what = "table and backlash together correct" if table.max_correction() else "backlash corrects"
     table = with_backlash(table, settings.backlash)
     if table.max_correction() > settings.max_correction * (1 + ROUNDING):
         findings.refuse(
             (*path, "backlash", "width"),
-            f"table and backlash together correct by {table.max_correction():.6g} {settings.units.value}, "
+            f"{what} by {table.max_correction():.6g} {settings.units.value}, "
             f"more than max_correction = {settings.max_correction:.6g}",
             "check the unit of width; raise max_correction only if the screw is really that bad",
         )
@@ -98,7 +113,8 @@ def _check_outside(findings: Findings, path: KeyPath, settings: AxisSettings, ta
             (*path, "outside"),
             f'outside = "zero" where the table ends with a correction of {largest:.6g} {unit}',
             f"allowed: ends within one {step} ({settings.step:.6g} {unit}) of 0; "
-            'use "hold" or { fade = LENGTH }',
+            f'use "hold", or {{ fade = {largest / settings.max_slope:.6g} }} or longer: the correction goes '
+            "to 0 over that length and is off beyond it",
         )
     length = settings.outside.fade_length
     if settings.outside.kind is OutsideKind.FADE and largest / length > settings.max_slope * (1 + ROUNDING):

@@ -62,7 +62,10 @@ def _axis_summary(line: LinePlan, axis: AxisPlan, drive: NamedProfile | None) ->
         "setpoints": axis.settings.setpoints.value,
         "max_speed": axis.settings.max_speed,
         "drive": None if drive is None else _drive_summary(drive),
-        "table": None if axis.table is None else _table_summary(axis, axis.table),
+        "table": _table_summary(axis, axis.table) if axis.table is not None and axis.table_name else None,
+        "backlash": None
+        if axis.settings.backlash is None
+        else {"width": axis.settings.backlash.width, "kind": axis.settings.backlash.kind.value},
         **_terms_summary(axis),
     }
 
@@ -131,7 +134,10 @@ def _axis_lines(name: str, axis: dict[str, Any]) -> list[str]:
     if axis["drive"] is not None:
         lines.append(_drive_line(axis["drive"]))
     if axis["table"] is None:
-        return [*lines, "  no table: positions pass 1:1"]
+        lost = axis["backlash"]
+        if lost is None:
+            return [*lines, "  no table: positions pass 1:1"]
+        return [*lines, f"  no table: backlash of {lost['width']:g} {axis['units']}, {lost['kind']}"]
     lines += _table_lines(axis["table"], axis["units"], axis["max_speed"])
     return [*lines, *_terms_lines(axis)]
 

@@ -102,7 +102,7 @@ def table_in(
         elif lint.code == LOST_MOTION_LINT:
             if not lost_motion_is_taken_up:
                 findings.warnings.append(replace(remark, remedy=_backlash_of(loaded)))
-        elif lint.code != COVERAGE_LINT:
+        elif lint.severity is Severity.WARNING and lint.code != COVERAGE_LINT:
             findings.warnings.append(remark)
     return loaded
 
@@ -144,6 +144,7 @@ def context_of(axis: AxisSection, name: str) -> FileContext:
         file_counts_per_unit=options.file_counts_per_unit,
         v1_layout=options.v1_layout,
         file_start=options.file_start,
+        increment=options.increment,
         file_home=options.file_home,
         format=options.format,
         file_units=options.file_units,

@@ -1,8 +1,8 @@
 """The whole way from readings to a table, with everything that a person has to know about it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
 
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
@@ -25,6 +25,9 @@ from gateway.metrology.smooth import Change, smoothed
 if TYPE_CHECKING:
     from gateway.metrology.fitting import Evidence
     from gateway.metrology.screw import Screw
+
+STEP_TOLERANCE: Final = 1e-6
+"""Share of a step by which targets may differ from an even grid and count as one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +85,11 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
     """
     _check(recipe)
     unit = survey.units.value
+    survey, remarks = _with_home(survey, recipe)
     outliers = find_outliers(survey)
     readings, emptied = without_outliers(survey, outliers) if recipe.drop_outliers else (survey.readings, ())
     done = "left out" if recipe.drop_outliers else "kept; table build --drop-outliers leaves it out"
-    notes = [*survey.remarks, *(f"outlier, {done}: {each.describe(unit)}" for each in outliers)]
+    notes = [*survey.remarks, *remarks, *(f"outlier, {done}: {each.describe(unit)}" for each in outliers)]
     notes.extend(
         f"{target:.9g}: left out in both directions, for the outlier was the only reading of one"
         for target in emptied
@@ -135,6 +139,30 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
         way = home.direction.name.lower()
         notes.append(f"home: the {way} correction at {home.position:.9g} is 0")
     return Built(table, outliers, home, change, loss, tuple(notes), screw, evidence)
+
+
+def _with_home(survey: Survey, recipe: Recipe) -> tuple[Survey, list[str]]:
+    """Return readings of one direction with the row of home, where only that is missing at the switch.
+
+    A sheet of TB058's version 7.17 begins one step from home, where the instrument was set to 0.
+    """
+    targets = sorted({reading.target for reading in survey.readings})
+    ways = {reading.direction for reading in survey.readings}
+    if recipe.home not in (HomeCase.SWITCH_POSITIVE, HomeCase.SWITCH_NEGATIVE) or len(ways) != 1:
+        return survey, []
+    first, step = min(targets, key=abs), (targets[-1] - targets[0]) / max(1, len(targets) - 1)
+    is_even = all(abs(x - targets[0] - n * step) <= STEP_TOLERANCE * step for n, x in enumerate(targets))
+    outward = 1.0 if recipe.home is HomeCase.SWITCH_POSITIVE else -1.0
+    if not is_even or not step or abs(first - outward * step) > STEP_TOLERANCE * step:
+        return survey, []
+    [way] = ways
+    runs = sorted({reading.run for reading in survey.readings})
+    at_home = tuple(Reading(0.0, way, 0.0, run) for run in runs)
+    note = (
+        f"no row at home: 0 is home, one step from {first:.9g}, and its correction is 0 by definition, for "
+        "the instrument was set to 0 there; leave --home out if it was set to 0 elsewhere"
+    )
+    return replace(survey, readings=(*at_home, *survey.readings)), [note]
 
 
 def _screw(readings: Sequence[Reading], survey: Survey, recipe: Recipe, notes: list[str]) -> "Screw | None":

@@ -212,6 +212,7 @@ class Relay:
     def _note_control(self, message: Control, changed: dict[str, str]) -> None:
         """Put it on record that somebody changed something; not of each temperature."""
         more: dict[str, object] = {}
+        by = "by a command"
         match message:
             case Switch():
                 what = tables.ENABLED if message.is_wanted else tables.DISABLED
@@ -220,7 +221,7 @@ class Relay:
             case Declare():
                 what = tables.REFERENCED
             case ClearTable():
-                what = tables.TABLE_REMOVED
+                what, by = tables.TABLE_REMOVED, "its file is gone, or the configuration names none"
             case SetGain():
                 what, more = tables.GAIN_CHANGED, asdict(message.gain)
             case SetLimits():
@@ -231,7 +232,7 @@ class Relay:
                 return
             case SetTemperature():
                 return
-        self._journal.note(what, axes=list(changed), **more, detail="by a command")
+        self._journal.note(what, axes=list(changed), **more, detail=by)
 
     def _note_table(self, change: TableChange, comes: str) -> None:
         self._journal.note(

@@ -3,7 +3,7 @@
 Grammar, after Centroid TB058 ("File Format") and the description by CNC Services Northwest::
 
     file   := header value{N+1} separator value{N+1}
-    header := "2" N STEP UNITS F5 F6 [";" comment]
+    header := "2" N STEP UNITS F5 F6 [";" comment]      blanks or commas between the fields
     value  := decimal number, -999.9999 to 999.9999     one to a line
     separator := ";" anything                           "; backward data"
 
@@ -19,7 +19,7 @@ are not in the file. So: a told ``file_start`` is obeyed; F5 other than 1 means 
 number of counts; "1 0" means the travel limits of the axis; anything else is refused.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import floor, inf
 from typing import Final
@@ -78,8 +78,19 @@ class _Start:
 
 def recognise(source: SourceText) -> bool:
     """Whether the first line has six or more numbers that begin with 2."""
-    fields = source.lines[0].text.partition(";")[0].split()
+    fields = fields_of_header(source.lines[0].text.partition(";")[0])
     return len(fields) >= 6 and fields[0] == "2" and all(to_decimal(field) is not None for field in fields)
+
+
+def fields_of_header(content: str) -> list[str]:
+    """Split a header: blanks between its fields, or commas between all of them, as TB058 prints it.
+
+    >>> fields_of_header("2, 4, 0.5, 20, 1, 0 ")
+    ['2', '4', '0.5', '20', '1', '0']
+    """
+    if "," in content:
+        return [field.strip() for field in content.split(",")]
+    return content.split()
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
@@ -116,14 +127,30 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         comment_axis=axis_of_comment(header.comment),
         plausible=(MIN_LARGEST_VALUE, inf),
         decisions=(start.reason,),
-        remarks=(*remarks, *start.remarks, *unused_options(context, NAME, unused)),
+        remarks=(*remarks, *start.remarks, *unused_options(context, NAME, unused), *_ends(rows)),
     )
+
+
+def _ends(rows: Sequence[SourceRow]) -> tuple[Lint, ...]:
+    """Say what TB058 says of the ends, where its own rule of home does not explain them.
+
+    That rule makes one of both another value than 0 as soon as the other is 0 (its own example: +2.0000).
+    """
+    first, last = rows[0].forward_value, rows[-1].backward_value
+    if not first or not last:
+        return ()
+    message = (
+        f"the first forward value is {first:g} and the last backward value {last:g}: TB058 says that both "
+        '"must be zero. It is impossible to acquire meaningful data for these points"; they are used as they '
+        "stand"
+    )
+    return (Lint("R12", Severity.INFO, message, rows[0].forward_line),)
 
 
 def _parse_header(source: SourceText) -> _Header:
     line = source.lines[0]
     content, _, comment = line.text.partition(";")
-    fields = content.split()
+    fields = fields_of_header(content)
     if len(fields) != 6:
         raise source.error(f"{len(fields)} header fields", f"6: {_HEADER}", line=line.number)
     intervals, code = to_integer(fields[1]), to_integer(fields[3])

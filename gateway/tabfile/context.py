@@ -58,7 +58,8 @@ class FileContext:
     ``file_counts_per_unit`` belongs to the OLD control (encoder counts per revolution x revolutions per unit,
     negative where its Dir Rev was Y), ``counts_per_unit`` to the drive that is commanded now. ``format``
     names the dialect where the text fits several; ``file_units`` are those of a file that states none;
-    ``file_axis`` is what a file that holds several axes calls this one; ``error_sense`` holds for every
+    ``file_axis`` is what a file that holds several axes calls this one; ``increment`` is the distance of the
+    points of a program that does not set it; ``error_sense`` holds for every
     format whose errors have no fixed sense, ``fagor_sense`` and ``isg_sense`` for one each. With
     ``same_units`` a file in other units than ``units`` is refused; otherwise lengths are converted.
 
@@ -73,6 +74,7 @@ class FileContext:
     file_counts_per_unit: float | None = None
     v1_layout: V1Layout | None = None
     file_start: float | None = None
+    increment: float | None = None
     file_home: HomeSide | None = None
     counts_per_unit: float | None = None
     max_correction: float | None = None
@@ -93,6 +95,7 @@ class FileContext:
         _check("max_correction", self.max_correction, lambda limit: 0 < limit < inf, "positive")
         if not 0 < self.max_slope < 1:
             raise ContextError(f"max_slope is {self.max_slope}: it must be above 0 and below 1")
+        _check("increment", self.increment, lambda step: 0 < step < MAX_POSITION, "a distance above 0")
         if self.axis is not None and not re.fullmatch("[A-Za-z]", self.axis):
             raise ContextError(f"axis is {self.axis!r}: it must be one letter, A to Z")
         _check("file_start", self.file_start, lambda start: abs(start) < MAX_POSITION, "a position")
@@ -114,6 +117,7 @@ class FileContext:
             told_in=self.told_in or self.units,
             travel=None if self.travel is None else (self.travel[0] * factor, self.travel[1] * factor),
             file_start=None if self.file_start is None else self.file_start * factor,
+            increment=None if self.increment is None else self.increment * factor,
             max_correction=None if self.max_correction is None else self.max_correction * factor,
             file_counts_per_unit=_per(self.file_counts_per_unit, factor),
             counts_per_unit=_per(self.counts_per_unit, factor),

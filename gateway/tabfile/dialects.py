@@ -16,6 +16,7 @@ from gateway.tabfile import (
     centroid_v3,
     csv_table,
     fagor,
+    fagor_8065,
     fanuc,
     heidenhain,
     isg,
@@ -32,6 +33,7 @@ from gateway.tabfile.context import FileContext
 from gateway.tabfile.curves import steepest
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.strangers import stranger_of
 from gateway.tabfile.text import SourceText, decode, shown
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
@@ -51,6 +53,7 @@ OPTIONS: Final = (
     "file_counts_per_unit",
     "v1_layout",
     "file_start",
+    "increment",
     "file_home",
     "file_axis",
     "fagor_sense",
@@ -188,6 +191,11 @@ DIALECTS: Final = (
         suffix="",
         writes=frozenset({"file_axis", "sense"}),
     ),
+    _of(fagor_8065)(
+        uses=frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"}),
+        suffix=fagor_8065.SUFFIX,
+        writes=frozenset({"file_axis", "sense"}),
+    ),
     _of(aerotech)(
         uses=frozenset({"file_start", "file_home", "file_axis"}),
         units=UnitsOf.TOLD,
@@ -207,7 +215,7 @@ DIALECTS: Final = (
         mint.recognise,
         mint.read,
         mint_writing.write,
-        uses=frozenset({"file_start", "file_axis"}),
+        uses=frozenset({"file_start", "increment", "file_axis"}),
         units=UnitsOf.TOLD,
         suffix=mint.SUFFIX,
         writes=frozenset({"file_axis"}),
@@ -257,6 +265,9 @@ def choose(source: SourceText, told: str | None) -> Dialect:
         TabFileError: no dialect knows the text, several do, or it is plainly another one than was told.
     """
     candidates = [dialect for dialect in DIALECTS if dialect.recognise(source)]
+    if not candidates and (known := stranger_of(source)) is not None:
+        stranger, number = known
+        raise source.error(f"{stranger.title}, which is not read", stranger.remedy, line=number)
     names = " or ".join(repr(dialect.name) for dialect in candidates)
     if told is not None:
         dialect = dialect_named(told)

@@ -5,10 +5,11 @@ from enum import Enum
 
 
 class Severity(Enum):
-    """``error``: the gateway does not load the table."""
+    """``error``: the gateway does not load the table. ``info``: nothing is to be done."""
 
     ERROR = "error"
     WARNING = "warning"
+    INFO = "info"
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import combinations, pairwise
 from pathlib import Path
 from statistics import fmean, median
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.compensation.settings import default_max_correction
 from gateway.compensation.table import CorrectionTable
@@ -127,6 +127,8 @@ def _swapped(subject: _Subject) -> Iterator[Lint]:
 def _reversed(subject: _Subject) -> Iterator[Lint]:
     forward, backward = (corrections(subject.rows, branch) for branch in BRANCHES)
     as_given, turned = _roughness(forward, backward), _roughness(forward, backward[::-1])
+    if not backward[-1] and backward[0] and abs(subject.rows[-1].position) <= NOISE * subject.span:
+        return  # it ends at home with 0, as it must, and turned round it would not
     if turned < REVERSED_ROUGHNESS * as_given and as_given > NOISE * subject.table.max_correction():
         yield _warning(
             "L3",
@@ -176,27 +178,50 @@ def _unit_slip(subject: _Subject) -> Iterator[Lint]:
 
 def _home(subject: _Subject) -> Iterator[Lint]:
     """Home is where the measurement is 0 by construction (TB058, table of home cases)."""
-    table = subject.table
-    step = (table.last - table.first) / (len(table.positions) - 1)
-    if abs(table.first) <= NOISE * step:
-        branch, correction, line = "first forward", table.forward[0], subject.rows[0].forward_line
-    elif abs(table.last) <= NOISE * step:
-        branch, correction, line = "last backward", table.backward[-1], subject.rows[-1].backward_line
-    elif table.first < 0 < table.last:
-        index = table.segment(0.0)
-        low, high = table.positions[index : index + 2]
-        share = -low / (high - low)
-        correction = table.forward[index] * (1 - share) + table.forward[index + 1] * share
-        branch, line = "forward", subject.rows[index].forward_line
-    else:
+    home = _home_of(subject.table)
+    if home is None:
         return
-    if abs(correction) > NOISE * max(table.max_correction(), NOISE):
+    row = subject.rows[home.row]
+    if abs(home.correction) > NOISE * max(subject.table.max_correction(), NOISE):
         yield _warning(
             "L5",
-            f"{branch} correction at home is {correction:.6g} {subject.unit}, not 0: the axis shifts by it; "
-            "subtract it from all values unless the zero of the machine is meant to move",
-            line,
+            f"{home.value} correction at home is {home.correction:.6g} {subject.unit}, not 0: the axis "
+            "shifts by it; subtract it from all values unless the zero of the machine is meant to move",
+            line_of(row, home.branch),
         )
+
+
+class _Home(NamedTuple):
+    """The correction at home: of which branch, what its value is called, and near which point."""
+
+    branch: str
+    value: str
+    correction: float
+    row: int
+
+
+def _home_of(table: CorrectionTable) -> _Home | None:
+    step = (table.last - table.first) / (len(table.positions) - 1)
+    if abs(table.first) <= NOISE * step:
+        return _Home("forward", "first forward", table.forward[0], 0)
+    if abs(table.last) <= NOISE * step:
+        return _Home("backward", "last backward", table.backward[-1], len(table.positions) - 1)
+    if not table.first < 0 < table.last:
+        return None
+    index = table.segment(0.0)
+    low, high = table.positions[index : index + 2]
+    share = -low / (high - low)
+    correction = table.forward[index] * (1 - share) + table.forward[index + 1] * share
+    return _Home("forward", "forward", correction, index)
+
+
+def _is_zero_at_home(subject: _Subject, row: SourceRow, branch: str) -> bool:
+    """Whether a value is the one that is 0 by definition, and is."""
+    home = _home_of(subject.table)
+    if home is None or branch != home.branch or row is not subject.rows[home.row]:
+        return False
+    step = subject.span / (len(subject.rows) - 1)
+    return abs(row.position) <= NOISE * step and not corrections([row], branch)[0]
 
 
 def _outliers(subject: _Subject) -> Iterator[Lint]:
@@ -209,7 +234,8 @@ def _outliers(subject: _Subject) -> Iterator[Lint]:
             found = _long_outliers(subject, branch)
         for row, lint in found:
             named.add(row.position)
-            yield lint
+            if not _is_zero_at_home(subject, row, branch):
+                yield lint
     if not subject.table.is_unidirectional:
         yield from _odd_reversal(subject, named)
 

@@ -10,10 +10,11 @@ be at i x increment for the nut to be at entry i. The inverse of a polygon is a 
 A + entry, and i x increment - entry is added there, exactly. The points of both directions differ; a table
 has those of both, each curve worked out on its own polygon at the points of the other.
 
-A lies at PRECISIONOFFSET ("the position of point A relative to axis zero"; a chapter before, the guide says
-that the offset is ADDED to a position to look it up, which would be the other sign: remark R9). Units are
-user units, so they are told. Outside its table Mint adds nothing. BACKLASH is a constant beside a single
-table; with a positive one Mint adds it while moving forward, with a negative one while moving back.
+Where A lies, PRECISIONOFFSET says in two ways: it is "the position of point A relative to axis zero" (its
+keyword), and it is "ADDED" to a position to look it up (3.4.2), which puts A at minus the offset. So an
+offset other than 0 proves nothing, and ``file_start`` tells where A is. Units are user units, so they are
+told. Outside its table Mint adds nothing. BACKLASH is a constant beside a single table; with a positive one
+Mint adds it while moving forward, with a negative one while moving back.
 """
 
 import re
@@ -80,15 +81,16 @@ def read(source: SourceText, context: FileContext) -> Decoded:
 
     Raises:
         TabFileError: no units were told, a statement that is not of the grammar, several axes and none told,
-            no increment, no place for mark A, positions that do not ascend, backlash beside two tables.
+            no increment, no place for mark A or one of two, positions that do not ascend, backlash beside two
+            tables.
     """
     units = told_units(source, context, "a Mint program")
     axis_units = context.units
     program = parse_program(source)
     axis = _choose_axis(source, program, context)
-    screw = _screw_of(source, program, axis)
     context = context_in_file_units(source, context, units)
-    start, from_where, remarks = _start_of(source, program, axis, context)
+    screw = _screw_of(source, program, axis, context)
+    start, from_where = _start_of(source, program, screw, context)
     rows = _rows(screw, start)
     check_stated(source, rows, units, context)
     has_two = program.tables[axis].reverse is not None and screw.forward is not screw.backward
@@ -109,7 +111,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             at_the_ends,
             f"{program.others} other statements, none of which mentions a table or its settings",
         ),
-        remarks=(*screw.remarks, *remarks, *reversal.remarks),
+        remarks=(*screw.remarks, *reversal.remarks),
         behaves_as=(*outside, *_reversal_lines(reversal, units, axis_units)),
         are_positions=True,
         file_axis=str(axis),
@@ -131,18 +133,9 @@ def _choose_axis(source: SourceText, program: Program, context: FileContext) -> 
     return int(told or names[0])
 
 
-def _screw_of(source: SourceText, program: Program, axis: int) -> _Screw:
+def _screw_of(source: SourceText, program: Program, axis: int, context: FileContext) -> _Screw:
     table = program.tables[axis]
-    increment = program.settings.get((INCREMENT, axis))
-    if increment is None:
-        raise source.error(
-            f"a table of axis {axis} without its {INCREMENT}",
-            f"{INCREMENT}.{axis} = a distance",
-            line=table.line,
-        )
-    distance = float(increment.value)
-    if not distance > 0:
-        raise source.error(f"{INCREMENT} {distance:g}", "a distance above 0", line=increment.line)
+    distance, says = _increment_of(source, program, axis, context)
     is_dual, decision, remarks = _is_dual(source, program, axis)
     forward = _knots(source, table.forward, distance, "forward")
     backward = _knots(source, table.reverse, distance, "reverse") if is_dual and table.reverse else forward
@@ -153,8 +146,31 @@ def _screw_of(source: SourceText, program: Program, axis: int) -> _Screw:
             "as many in both tables",
             line=table.line,
         )
-    decisions = (decision, f"increment {distance:g}, {sizes[0]} positions from mark A")
+    decisions = (decision, f"increment {distance:g}{says}, {sizes[0]} positions from mark A")
     return _Screw(axis, distance, forward, backward, decisions, remarks)
+
+
+def _increment_of(source: SourceText, program: Program, axis: int, context: FileContext) -> tuple[float, str]:
+    """Return the distance of the points, and who told it where it is not the program."""
+    setting, told = program.settings.get((INCREMENT, axis)), context.increment
+    if setting is None:
+        if told is None:
+            raise source.error(
+                f"a table of axis {axis} without its {INCREMENT}",
+                f"{INCREMENT}.{axis} = a distance, or increment told (--increment on the command line)",
+                line=program.tables[axis].line,
+            )
+        return told, " (told by increment)"
+    distance = float(setting.value)
+    if not distance > 0:
+        raise source.error(f"{INCREMENT} {distance:g}", "a distance above 0", line=setting.line)
+    if told is not None and abs(told - distance) > SAME_PLACE:
+        raise source.error(
+            f"{INCREMENT} {distance:g}, told increment {told:g}",
+            f"increment = {context.as_told(distance):.9g}, or none",
+            line=setting.line,
+        )
+    return distance, ""
 
 
 def _is_dual(source: SourceText, program: Program, axis: int) -> tuple[bool, str, tuple[Lint, ...]]:
@@ -203,36 +219,50 @@ def _knots(source: SourceText, array: Array, increment: float, what: str) -> lis
     return knots
 
 
-def _start_of(
-    source: SourceText, program: Program, axis: int, context: FileContext
-) -> tuple[float, str, tuple[Lint, ...]]:
-    """Return where mark A lies on the axis, who says so, and a remark where the guide has two readings."""
-    setting, told = program.settings.get((OFFSET, axis)), context.file_start
+def _start_of(source: SourceText, program: Program, screw: _Screw, context: FileContext) -> tuple[float, str]:
+    """Return where mark A lies on the axis, and who says so."""
+    setting, told = program.settings.get((OFFSET, screw.axis)), context.file_start
     if setting is None:
         if told is None:
             raise source.error(
-                f"no {OFFSET} of axis {axis}: nothing says where mark A of the screw is",
+                f"no {OFFSET} of axis {screw.axis}: nothing says where mark A of the screw is",
                 "file_start = the machine position of mark A (--file-start on the command line)",
-                line=program.tables[axis].line,
+                line=program.tables[screw.axis].line,
             )
-        return told, "told by file_start", ()
+        return told, "told by file_start"
     offset = float(setting.value)
-    if told is not None:
-        if abs(told - offset) > SAME_START:
-            raise source.error(
-                f"{OFFSET} {offset:g}, but file_start is {told:g}",
-                f"file_start = {context.as_told(offset):.9g}, or the program without {OFFSET} if its sign "
-                "was meant otherwise",
-                line=setting.line,
-            )
-        return offset, f"{OFFSET}, and file_start says the same", ()
-    if offset == 0:
-        return offset, f"{OFFSET}", ()
-    message = (
-        f"{OFFSET} {offset:g} is taken as the position of mark A; Mint's guide also says that it is added to "
-        f"a position before the look-up, which would put A at {-offset:g}: tell file_start to confirm it"
+    if told is None and offset == 0:
+        return offset, OFFSET
+    ways = (offset, "it is the position of A"), (-offset, "it is added to a position to look it up")
+    for start, way in ways:
+        if told is not None and abs(told - start) <= SAME_START:
+            return start, f"file_start; so {OFFSET} {offset:g} means: {way}" if offset else OFFSET
+    found = f"but file_start is {told:g}" if told is not None else "and Mint's guide reads it in two ways"
+    places = " or ".join(
+        dict.fromkeys(f"file_start = {context.as_told(start) + 0.0:.9g}" for start, _ in ways)
     )
-    return offset, f"{OFFSET}", (Lint("R9", Severity.WARNING, message, setting.line),)
+    raise source.error(
+        f"{OFFSET} {offset:g}, {found}",
+        f"{places} (--file-start on the command line): look where mark A of the screw is on the machine",
+        line=setting.line,
+        code="R9",
+        readings=(_reading(screw, start, way, context) for start, way in ways) if offset else (),
+    )
+
+
+def _reading(screw: _Screw, start: float, way: str, context: FileContext) -> str:
+    """Say what one place of mark A makes of a target that lies behind A in both readings."""
+    assert context.units is not None, "the context is in units of the file"
+    target = abs(start) + screw.increment / 5
+    place = target - start
+    out = "as it is: Mint adds nothing there"
+    if place <= screw.forward[-1].place:
+        out = f"as {target + _at(screw.forward, place):.5f}"
+    end = start + max(screw.forward[-1].place, screw.backward[-1].place)
+    return (
+        f"{way}: mark A at {start:g} {context.units.value}, the table from there to {end:g}; moving forward, "
+        f"{target:g} goes out {out}"
+    )
 
 
 def _rows(screw: _Screw, start: float) -> tuple[SourceRow, ...]:
@@ -274,7 +304,7 @@ def _outside(rows: Sequence[SourceRow], units: Units) -> tuple[tuple[str, ...], 
         return ('outside = "zero"',), "both ends are 0: outside, Mint adds nothing"
     return (), (
         f"outside, Mint adds nothing: the axis would jump by {step:.6g} {units.value} at the end of the "
-        "table; the gateway refuses that and holds"
+        "table; the gateway refuses that and holds, or goes to 0 over a length: outside = { fade = LENGTH }"
     )
 
 

@@ -1,5 +1,6 @@
 """Bytes of a text file -> lines, as tolerant of encodings as strict about content."""
 
+import contextlib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ DOS_END: Final = "\x1a"
 _CONTROL: Final = re.compile("[\x00-\x08\x0b-\x19\x1b-\x1f\x7f]")
 _LINE_END: Final = re.compile("\r\n|\r|\n")
 _UTF16_MARKS: Final = (b"\xff\xfe", b"\xfe\xff")
+_FIRST_BYTES: Final = 256
+"""So many tell whether a text without a mark is UTF-16: every second one is 0 then."""
 SHOWN_CHARACTERS: Final = 60
 SHOWN_NAMES: Final = 20
 
@@ -65,17 +68,15 @@ def decode(data: bytes, name: str, what: str = "a table") -> SourceText:
     """Turn the bytes of a file of ``what`` into lines.
 
     A byte order mark, CRLF, CR or LF, blank lines around the text and a trailing Ctrl-Z are tolerated; what
-    is not UTF-8 is read as Latin-1 (comments of old editors).
+    is neither UTF-8 nor UTF-16 is read as Latin-1 (comments of old editors).
 
     Raises:
-        TabFileError: the file is empty, binary, UTF-16, longer than 16 MiB or 500 000 lines, or goes on after
+        TabFileError: the file is empty, binary, longer than 16 MiB or 500 000 lines, or goes on after
             its Ctrl-Z.
     """
     allowed = f"the plain text of {what}"
     if len(data) > MAX_BYTES:
         raise TabFileError(Problem(name, f"{len(data)} bytes", f"at most {MAX_BYTES} bytes"))
-    if data.startswith(_UTF16_MARKS):
-        raise TabFileError(Problem(name, "UTF-16 text", "plain text (ASCII or UTF-8): save it again as such"))
     text, *rest = _to_text(data).split(DOS_END, 1)
     line_ends = text.count("\n") + text.count("\r") - text.count("\r\n")
     if line_ends > MAX_LINES:
@@ -95,10 +96,23 @@ def decode(data: bytes, name: str, what: str = "a table") -> SourceText:
 
 
 def _to_text(data: bytes) -> str:
+    if (utf16 := _utf16_of(data)) is not None and len(data) % 2 == 0:
+        with contextlib.suppress(UnicodeDecodeError):
+            return data.decode(utf16)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")
+
+
+def _utf16_of(data: bytes) -> str | None:
+    """Return which UTF-16 a text is in, with or without its mark; None where it is in none."""
+    if data.startswith(_UTF16_MARKS):
+        return "utf-16"
+    first = data[:_FIRST_BYTES]
+    if len(first) >= 4 and not any(first[1::2]) and all(first[::2]):
+        return "utf-16-le"
+    return "utf-16-be" if len(first) >= 4 and not any(first[::2]) and all(first[1::2]) else None
 
 
 def _lines(text: str) -> list[Line]:

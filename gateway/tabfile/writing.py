@@ -40,6 +40,8 @@ class Written:
     text: str
     losses: tuple[str, ...]
     context: FileContext
+    encoding: str = "utf-8"
+    """In which the system that reads such files wants it."""
 
 
 def unwritable(dialect: str, found: str, allowed: str) -> TabFileError:

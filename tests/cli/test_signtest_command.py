@@ -106,6 +106,25 @@ def test_the_remedy_names_the_file_and_what_to_change(config: Path) -> None:
     assert "the readings are about 10 times what the table says: check its units" in scaled.stdout
 
 
+@pytest.mark.parametrize(
+    ("readings", "verdict", "said"),
+    [
+        ((100.0, 100.2), "right", "axis x at 100 mm, backlash alone"),
+        ((99.8, 100.0), "sense inverted and columns swapped", 'write kind = "homed-backward"'),
+        ((100.0, 99.8), "sense inverted", "a lost motion below 0"),
+        ((100.2, 100.0), "columns swapped", "a lost motion below 0"),
+    ],
+)
+def test_a_backlash_without_a_table_is_tested_too(
+    config: Path, readings: tuple[float, float], verdict: str, said: str
+) -> None:
+    backlash = 'backlash = { width = 0.2, kind = "homed-forward" }'
+    config.write_text(CONFIG.replace('table = "x.tab"', backlash))
+    result = typed(config, "--axis", "x", *numbers(100.0, *readings))
+    assert f"verdict: {verdict}\n" in result.stdout
+    assert said in result.stdout
+
+
 def test_where_it_cannot_be_told_a_better_place_is_named(config: Path) -> None:
     result = typed(config, "--axis", "x", *numbers(0.0, 0.0, 0.0))
     assert result.exit_code == 1

@@ -43,6 +43,32 @@ def oracle(tmp_path: Path) -> Path:
     return path
 
 
+AS_PRINTED = """DRO position\tMeasured position\tCalculated encoder count value
+0.5\t0.4995\t20 = 5 * 8000 * (0.5 - 0.4995)
+1\t0.9997\t12
+1.5\t1.4999\t4
+2\t2.0001\t-4
+2.5\t2.5003\t-12
+3\t3.0004\t-16
+3.5\t3.50007\t-3
+"""
+"""TB058, version 7.17: no row at home, where the instrument was set to 0."""
+
+
+def test_build_takes_the_recording_of_version_7_17_as_it_is_printed(tmp_path: Path) -> None:
+    sheet = tmp_path / "x.csv"
+    sheet.write_text(AS_PRINTED)
+    out = tmp_path / "CNC7X.TAB"
+    told = ("--to", "centroid-1", "--one-way", "--units", "inch", "--to-counts-per-unit", "40000")
+    data = good("build", sheet, out, "--home", "switch-positive", *told)
+    # 7 entries over 7 x 0.5 inch at 40000 counts an inch; 40000 x (DRO - measured), the last -2.8 is -3
+    assert out.read_text().split() == ["7", "140000", "20", "12", "4", "-4", "-12", "-16", "-3"]
+    assert any("its correction is 0 by definition" in note for note in data["notes"])
+    # without --home nothing is added: 0.5 is the first point
+    data = good("build", sheet, tmp_path / "x.tab", "--to", "csv", *told[2:5])
+    assert data["points"] == 7
+
+
 def test_build_writes_the_table_of_tb058_and_says_what_it_estimated(manual: Path, tmp_path: Path) -> None:
     out = tmp_path / "cnc10z.tab"
     data = good("build", manual, out, "--home", "switch-negative")
@@ -238,9 +264,12 @@ def test_a_format_of_one_curve_wants_one_that_is_zero_at_home(rtl: Path, tmp_pat
 
 def test_what_a_first_table_is_warned_of_can_be_true_of_readings(tmp_path: Path, manual: Path) -> None:
     # TB058's own readings have a reversal that grows along the axis, as a list in the wrong order would show
-    built = good("build", manual, tmp_path / "cnc10z.tab", "--home", "switch-negative")
+    built = good("build", manual, tmp_path / "cnc10z.tab")
     assert "L3" not in [lint["code"] for lint in built["lints"]]
     assert "L3" in run("lint", tmp_path / "cnc10z.tab", "--file-start", "-2.5").output
+    # with 0 at home, the last reverse value, the file itself shows that its list stands the right way
+    good("build", manual, tmp_path / "home.tab", "--home", "switch-negative")
+    assert "L3" not in run("lint", tmp_path / "home.tab", "--file-start", "-2.5").output
 
 
 def test_a_table_that_cannot_be_used_names_no_line_of_a_file_that_is_not_there(tmp_path: Path) -> None:

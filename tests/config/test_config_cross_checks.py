@@ -324,7 +324,6 @@ def test_reload_in_targets_is_warned_of(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("key", "text"),
     [
-        ("backlash", 'backlash = { width = 0.02, kind = "two-sided" }'),
         ("table_options", 'table_options.v1_layout = "listed"'),
     ],
 )

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from gateway.compensation.correction_spec import spec_of_table
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
+from gateway.config.summary import summary, summary_lines
 from gateway.tabfile import DIALECTS
 from tests.config.config_bench import GOOD, ONE_WAY, TWO_WAYS, edited, line_of, loaded, only, refused, written
 
@@ -200,6 +202,8 @@ def test_zero_outside_needs_ends_within_a_count_of_zero(tmp_path: Path) -> None:
     assert problem.line == line_of(text, "outside")
     assert "correction of 0.02 mm" in problem.found
     assert "one count (0.001 mm)" in problem.remedy
+    # 0.02 mm at max_slope 0.01
+    assert "{ fade = 2 } or longer" in problem.remedy
     flat = TWO_WAYS.replace("+0.0100", "+0.0010").replace("-0.0200", "-0.0010").replace("-0.0120", "+0.0000")
     assert loaded(tmp_path, text, {"cnc10x.tab": flat}).warnings == ()
 
@@ -331,3 +335,68 @@ def test_lost_motion_that_a_file_states_is_warned_of_unless_the_axis_has_a_backl
     assert warnings[0].remedy == f"if nothing else takes it up now, add to the axis: {setting}"
     settled = edited(("max_speed = 200.0", setting), text=told)
     assert not [w for w in loaded(tmp_path, settled, {"x.mnt": MINT}).warnings if "R8" in w.found]
+
+
+ALONE = ('table = "cnc10x.tab"', 'backlash = { width = 0.2, kind = "homed-forward" }')
+
+
+def test_backlash_needs_no_table(tmp_path: Path) -> None:
+    plan = loaded(tmp_path, edited(ALONE)).plan.lines[0].axes[0]
+    assert plan.table is not None
+    assert (plan.table_name, plan.table.first, plan.table.last) == ("", -300.0, 0.0)
+    spec = spec_of_table(plan.table, plan.settings)
+    # homed forward: nothing forward, 0.2 less backward, wherever the axis is
+    for at in (-300.0, -90.0, 0.0):
+        assert spec.map_at(1.0).correction(at) == 0.0
+        assert spec.map_at(0.0).correction(at) == -0.2
+
+
+def test_backlash_without_a_table_holds_where_no_travel_is_known(tmp_path: Path) -> None:
+    found = loaded(tmp_path, edited(ALONE, ("travel = [-300.0, 0.0]\n", "")))
+    plan = found.plan.lines[0].axes[0]
+    assert plan.table is not None
+    spec = spec_of_table(plan.table, plan.settings)
+    assert spec.map_at(0.0).correction(1e6) == -0.2
+    assert spec.map_at(0.0).nominal(89.8) == pytest.approx(90.0, abs=1e-12)
+
+
+def test_backlash_without_a_table_covers_a_turn(tmp_path: Path) -> None:
+    text = edited(
+        ALONE, ('units = "mm"', 'units = "degree"\nmodulo = 360.0'), ("travel = [-300.0, 0.0]\n", "")
+    )
+    plan = loaded(tmp_path, text).plan.lines[0].axes[0]
+    assert plan.table is not None
+    assert spec_of_table(plan.table, plan.settings).map_at(0.0).correction(725.0) == -0.2
+
+
+def test_backlash_without_a_table_keeps_the_largest_correction(tmp_path: Path) -> None:
+    text = edited((ALONE[0], ALONE[1].replace("0.2", "0.6")))
+    problem = only(refused(tmp_path, text), "axis.x.backlash.width")
+    assert "0.6" in problem.found
+    assert "max_correction = 0.5" in problem.found
+
+
+def test_backlash_without_a_table_has_no_outside(tmp_path: Path) -> None:
+    text = edited((ALONE[0], f'{ALONE[1]}\noutside = "zero"'))
+    problem = only(refused(tmp_path, text), "axis.x.outside")
+    assert problem.found == "outside = zero with a backlash and no table"
+
+
+def test_a_group_may_have_a_backlash_without_tables(tmp_path: Path) -> None:
+    second = GOOD[GOOD.index("[axis.x]") :].replace("axis.x", "axis.y").replace("unit_id = 1", "unit_id = 2")
+    pair = f'{GOOD}\n{second}\n[group.beam]\naxes = ["x", "y"]\n'
+    both = loaded(tmp_path, pair.replace(*ALONE)).plan.lines[0].axes
+    assert [axis.table is None for axis in both] == [False, False]
+    one = edited(ALONE) + f'\n{second.replace(ALONE[0], "")}\n[group.beam]\naxes = ["x", "y"]\n'
+    assert (
+        "x has a backlash and no table, y has no table"
+        in only(refused(tmp_path, one), "group.beam.axes").found
+    )
+
+
+def test_the_summary_says_that_there_is_only_a_backlash(tmp_path: Path) -> None:
+    found = loaded(tmp_path, edited(ALONE))
+    lines = summary_lines(found.plan, found.drives)
+    assert "  no table: backlash of 0.2 mm, homed-forward" in lines
+    axis = summary(found.plan, found.drives)["axes"]["x"]
+    assert (axis["table"], axis["backlash"]) == (None, {"width": 0.2, "kind": "homed-forward"})

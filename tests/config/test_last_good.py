@@ -187,3 +187,42 @@ def test_a_file_that_moves_counts_for_nothing_even_where_nothing_was_before(path
 def test_a_file_that_moves_keeps_no_table_that_the_new_limits_forbid(path: Path, before: GatewayPlan) -> None:
     path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\nmax_correction = 0.005")))
     assert settled(path, before, waiting={"x"}).sources == {"x": Source.REFUSED}
+
+
+MINT = """\
+DIM fwd(5) = 10.02, 20.01, 30.00, 40.01, 50.01
+PRECISIONTABLE(0, fwd)
+PRECISIONINCREMENT.0 = 10
+PRECISIONOFFSET.0 = 5
+"""
+
+
+def of_mint(more: str) -> str:
+    """Return a configuration of which an earlier release read the offset as the place of mark A."""
+    return edited(
+        (NAME, "x.mnt"),
+        ("travel = [-300.0, 0.0]", "travel = [0.0, 60.0]"),
+        ("max_speed = 200.0", f'max_speed = 200.0\ntable_options = {{ file_units = "mm"{more} }}'),
+    )
+
+
+@pytest.mark.parametrize("is_start", [True, False])
+def test_a_mint_offset_that_nothing_explains_any_more_leaves_the_table_in_force(
+    path: Path, *, is_start: bool
+) -> None:
+    path.write_text(of_mint(", file_start = 5.0"))
+    save(path, MINT, "x.mnt")
+    compile_into_state(load(path))
+    last = last_plan(path.parent / "state")
+    assert last is not None
+    path.write_text(of_mint(""))
+    found = settled(path, last.plan, is_start=is_start)
+    assert (found.sources, found.plan) == ({"x": Source.KEPT}, last.plan)
+    (problem,) = load(path, forgives_tables=True).readings["x"].problems
+    # 2 from A the motor is at 2 x 10 / 10.02, 12 from A at 10 + 1.98 / 9.99 x 10
+    assert "7 goes out as 6.99601" in problem.found
+    assert "7 goes out as 6.98198" in problem.found
+    assert problem.line == 4
+    # told as it was read before, it is the same table: nothing changes
+    path.write_text(of_mint(", file_start = 5.0"))
+    assert settled(path, last.plan).plan == last.plan

@@ -186,8 +186,6 @@ WRITTEN: Final = {
     "x-20261121-101500.readings.csv": READINGS,
 }
 """Files of a reader that a page shows, or that are short."""
-STRICT: Final = "table lint CNC7Z.TAB --file-start -2.5 --strict --json"
-"""Warnings end it with 1, which is what it is shown for."""
 
 
 def output_of(words: tuple[str, ...]) -> str:
@@ -271,7 +269,4 @@ def test_a_line_that_is_shown_runs(example: Example, desk: Path) -> None:
         shutil.copy(desk / "machine-ca/cnc.pem", desk / "etc/pitch-gateway/server.pem")
     result = typed(*words)
     said = " ".join(re.sub("[│╭╮╰╯─]", " ", result.stdout + result.stderr).split())
-    if shlex.join(example.words) == STRICT:
-        assert (result.returncode, '"severity": "error"' in said) == (1, False)
-    else:
-        assert result.returncode == 0 or any(sentence in said for sentence in NO_MACHINE), said
+    assert result.returncode == 0 or any(sentence in said for sentence in NO_MACHINE), said

@@ -534,9 +534,11 @@ def test_what_was_understood_is_one_line() -> None:
     )
 
 
-def test_readings_in_utf_16_are_refused_with_a_remedy() -> None:
-    with pytest.raises(TabFileError, match=r"UTF-16 text; allowed: plain text .*: save it again as such"):
-        parse_survey(RTL.encode("utf-16"), "x.rtl")
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le"])
+def test_readings_in_utf_16_are_read(encoding: str) -> None:
+    assert (
+        parse_survey(RTL.encode(encoding), "x.rtl").readings == parse_survey(RTL.encode(), "x.rtl").readings
+    )
 
 
 def test_told_units_and_axis_that_contradict_the_file_are_refused() -> None:

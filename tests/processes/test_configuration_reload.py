@@ -8,7 +8,7 @@ from typing import Any
 from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
 from tests.commands import typed
-from tests.processes.bench import SECONDS, Site, gateway_of
+from tests.processes.bench import SECONDS, Master, Site, gateway_of
 
 
 def axis_status(site: Site) -> dict[str, Any]:
@@ -47,6 +47,33 @@ def test_gain_and_limits_are_taken_over_while_it_runs(site: Site) -> None:
     assert [note["keys"] for note in gateway.notes if note["event"] == "configuration-changed"] == [
         ["axis.x.gain", "axis.x.budget_us"]
     ] * 2
+
+
+def there_and_back(master: Master) -> tuple[int, int]:
+    """Stream an axis forward to 60 mm and back to 40 mm; returns what its drive is told at both ends."""
+    forward = [master.move(target) for target in range(40_000, 60_001, 1_000)]
+    backward = [master.move(target) for target in range(59_000, 39_999, -1_000)]
+    return forward[-1], backward[-1]
+
+
+def test_a_table_comes_and_goes_beside_a_backlash(site: Site) -> None:
+    config = str(site.config)
+    keys = 'setpoints = "stream"\nreversal = "step"\nbacklash = { width = 0.2, kind = "homed-forward" }'
+    text = site.config.read_text().replace('table = "x.tab"', f'table = "x.tab"\n{keys}')
+    alone = text.replace('table = "x.tab"\n', "")
+    site.config.write_text(alone)
+    with gateway_of(site) as (gateway, master):
+        # homed forward: nothing forward, 0.2 mm less backward
+        assert there_and_back(master) == (60_000, 39_800)
+        site.config.write_text(text)
+        assert typed("reload", config).returncode == 0
+        # and 0.001 of the position from the table
+        assert there_and_back(master) == (60_060, 39_840)
+        site.config.write_text(alone)
+        assert typed("reload", config).returncode == 0
+        assert there_and_back(master) == (60_000, 39_800)
+        assert axis_status(site)["table"]["file"] is None
+        assert gateway.end() == 0
 
 
 def status_when(config: str, kinds: list[str]) -> dict[str, Any]:

@@ -18,18 +18,26 @@ table = "{table}"
 registers.command = [{{ address = 100, type = "int32" }}]
 {settings}
 """
+MINT = b"""DIM fwd(5) = 10.02, 20.01, 30.00, 40.01, 50.01
+PRECISIONTABLE(0, fwd)
+PRECISIONINCREMENT.0 = 10
+PRECISIONOFFSET.0 = 0
+"""
 HEADER = b"CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL 50\nENTRIES 3\n"
 TABLES = {
     "bow.tab": HEADER + b"0 0 0\n50 .05 .05\n100 0 0\n",
     "ramp.tab": HEADER + b"0 0 0\n50 .05 .05\n100 .1 .1\n",
     "lost.tab": HEADER + b"0 .01 -.01\n50 .01 -.01\n100 .01 -.01\n",
+    "fwd.mnt": MINT,
     "flat.tab": HEADER + b"0 0 0\n50 .05 .05\n100 .05 .05\n",
 }
 STREAM = 'setpoints = "stream"\n'
+ALONE = 'backlash = { width = 0.2, kind = "homed-forward" }'
 AXES = {
     "mint": ("bow.tab", 'outside = "zero"'),
     "isg": ("ramp.tab", 'outside = "hold"'),
     "wmx": ("ramp.tab", "outside = { fade = 20.0 }"),
+    "off": ("fwd.mnt", 'outside = { fade = 4.0 }\ntable_options.file_units = "mm"'),
     "refusing": ("ramp.tab", 'outside = "refuse"'),
     "cycles": ("lost.tab", STREAM + "reversal = { cycles = 4 }"),
     "jump": ("lost.tab", STREAM + 'reversal = "step"'),
@@ -37,6 +45,8 @@ AXES = {
         "flat.tab",
         STREAM + 'backlash = { width = 0.02, kind = "homed-forward" }\nreversal = { cycles = 2 }',
     ),
+    "alone": ("", ALONE),
+    "interval": ("", f"{STREAM}{ALONE}\nreversal = {{ cycles = 2 }}"),
 }
 UNIT_IDS = {name: unit_id for unit_id, name in enumerate(AXES, start=1)}
 
@@ -44,7 +54,9 @@ UNIT_IDS = {name: unit_id for unit_id, name in enumerate(AXES, start=1)}
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
     axes = [
-        AXIS.format(name=name, unit_id=UNIT_IDS[name], table=table, settings=settings)
+        AXIS.format(name=name, unit_id=UNIT_IDS[name], table=table, settings=settings).replace(
+            'table = ""\n', ""
+        )
         for name, (table, settings) in AXES.items()
     ]
     with workshop_in(tmp_path_factory.mktemp("workshop"), axes, TABLES) as workshop:
@@ -55,6 +67,19 @@ def told(workshop: Workshop, name: str, *targets: int) -> list[int]:
     """Send targets to an axis, in counts; returns what its drive is told."""
     with workshop.master(UNIT_IDS[name]) as master:
         return [master.move(target) for target in targets]
+
+
+def test_backlash_needs_no_table(workshop: Workshop) -> None:
+    """Mint 3.4.1. Homed forward: forward 100 goes out as it is, backward 90 by 0.2 mm further back."""
+    assert told(workshop, "alone", 0, 100_000, 90_000, 80_000)[1:] == [100_000, 89_800, 79_800]
+    assert told(workshop, "alone", 80_001, -50_000, 150_000) == [80_001, -50_200, 150_000]
+
+
+def test_backlash_without_a_table_is_distributed_over_cycles(workshop: Workshop) -> None:
+    """Mint's BACKLASHINTERVAL: as many setpoints as it takes."""
+    assert told(workshop, "interval", 10_000, 60_000, 70_000)[-1] == 70_000
+    # of two setpoints: half after the first, sin²(45°)
+    assert told(workshop, "interval", 69_000, 68_000, 67_000) == [68_900, 67_800, 66_800]
 
 
 def test_zero_switches_the_correction_off_beyond_the_ends_and_on_again_inside(workshop: Workshop) -> None:
@@ -68,6 +93,11 @@ def test_hold_keeps_the_value_of_the_end(workshop: Workshop) -> None:
 def test_a_fade_leads_to_zero_over_its_length(workshop: Workshop) -> None:
     # 10 of 20 mm beyond the end: half of 0.1 mm
     assert told(workshop, "wmx", 110_000, 120_000, 150_000) == [110_050, 120_000, 150_000]
+
+
+def test_a_fade_switches_the_table_of_mints_guide_off_beyond_its_end(workshop: Workshop) -> None:
+    # it ends at 50.01 with 50 - 50.01 = -0.01 mm; half of it 2 of 4 mm further, none at 55
+    assert told(workshop, "off", 50_010, 52_010, 55_000, 60_000) == [50_000, 52_005, 55_000, 60_000]
 
 
 def test_refuse_answers_with_an_exception(workshop: Workshop) -> None:

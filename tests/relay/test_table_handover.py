@@ -88,6 +88,8 @@ async def test_a_table_that_goes_takes_its_correction_along(
     assert await mill.move(50_000) == 50_050
     assert await mill.move(60_000) == 60_000
     assert mill.relay.status()["axes"]["x"]["compensation"] == "no-table"  # type: ignore[index]
+    [note] = [note for note in bench.notes if note.event == "table-removed"]
+    assert note.fields["detail"] == "its file is gone, or the configuration names none"
     assert await mill.say(ClearTable(axes=("x",))) == Done()  # nothing to take away
     assert (await mill.give(("x", STEEPER))).changed == ("x",)
     assert await mill.move(50_000) == 50_100

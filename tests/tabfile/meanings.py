@@ -138,6 +138,17 @@ def fagor(text: str) -> Meaning:
     return _two(Units.MM, rows, -1.0)
 
 
+def fagor_8065(text: str) -> Meaning:
+    """Errors are actual - commanded, in mm."""
+    facts = dict(re.findall(r"/LSCRWDATA/(?:DATA/)?(\S+(?: \d+)?)\s*;(\S+)", text))
+    ways = ("POSERROR", "NEGERROR" if facts["BIDIR"] == "1" else "POSERROR")
+    rows = [
+        [float(facts[f"{name} {number}"]) for name in ("POSITION", *ways)]
+        for number in range(1, int(facts["NPOINTS"]) + 1)
+    ]
+    return _two(Units.MM, rows, -1.0)
+
+
 def siemens(text: str) -> Meaning:
     """Errors of the measuring system, of axis X1."""
     text = "\n".join(re.sub(r"\s", "", line.split(";")[0]).upper() for line in _lines(text))

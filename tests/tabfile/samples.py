@@ -96,6 +96,24 @@ kw.ssfk.table[2].setpoint 150000
 kw.ssfk.table[2].pos 0
 kw.ssfk.table[2].neg 30
 """
+FAGOR_8065: Final = b"""X AXIS                        ;3100
+MM                            ;0
+2;/LSCRWDATA/NPOINTS          ;4
+2;/LSCRWDATA/BIDIR            ;1
+2;/LSCRWDATA/DATA/POSITION 1                        ;-127.0000
+2;/LSCRWDATA/DATA/POSITION 2                        ;0.0000
+2;/LSCRWDATA/DATA/POSITION 3                        ;127.0000
+2;/LSCRWDATA/DATA/POSITION 4                        ;254.0000
+2;/LSCRWDATA/DATA/POSERROR 1                        ;-0.0127
+2;/LSCRWDATA/DATA/POSERROR 2                        ;0.0000
+2;/LSCRWDATA/DATA/POSERROR 3                        ;0.0028
+2;/LSCRWDATA/DATA/POSERROR 4                        ;-0.0328
+2;/LSCRWDATA/DATA/NEGERROR 1                        ;-0.0027
+2;/LSCRWDATA/DATA/NEGERROR 2                        ;0.0000
+2;/LSCRWDATA/DATA/NEGERROR 3                        ;0.0100
+2;/LSCRWDATA/DATA/NEGERROR 4                        ;-0.0228
+2;/FILTER/FILTER 1/ORDER                            ;0
+"""
 FAGOR_TWO_WAYS: Final = b"""P001 X-20 EX 0.001 EX 0.004
 P002 X0 EX -0.001 EX 0.001
 P003 X30 EX 0 EX 0.003
@@ -265,6 +283,18 @@ SAMPLES: Final = (
         table_options={"file_units": "mm", "fagor_sense": "actual_minus_command"},
         # errors of 6 and 3 µm on the way down, of 2 on the way up
         moves=((600_000, 599_940), (300_000, 299_970), (600_000, 599_980)),
+    ),
+    Sample(
+        "fagor-8065",
+        "X.mp",
+        FAGOR_8065,
+        FileContext(units=Units.MM, travel=(-127.0, 254.0), fagor_sense=AMC),
+        meanings.fagor_8065,
+        header=frozenset({1, 2, 3, 4}),
+        line_of_place={5: 9, 6: 10, 7: 11, 8: 12},
+        table_options={"fagor_sense": "actual_minus_command"},
+        # backward half way from 0 to 0.0100 the error is 0.0050, forward from 0.0028 to -0.0328 -0.0150
+        moves=((635_000, 634_950), (1_905_000, 1_905_150), (1_270_000, 1_269_900)),
     ),
     Sample(
         "aerotech-cal",

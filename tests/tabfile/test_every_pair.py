@@ -57,6 +57,7 @@ HOLDS: Final = {
     # 0.01 of an increment
     "isg": Holds(1e-7, 1e-7, is_even=False),
     "fagor-8055": Holds(1e-4, 1e-4, is_even=False, is_backward_filled=True),
+    "fagor-8065": Holds(1e-4, 1e-4, is_even=False),
     "aerotech-cal": Holds(1e-6, 1e-6),
     "siemens-eec": Holds(1e-8),
     "siemens-cec": Holds(1e-8),

@@ -64,15 +64,72 @@ def test_points_of_both_directions_that_nearly_coincide_are_one() -> None:
 
 def test_mark_a_moves_the_table() -> None:
     program = SAMPLE.replace("PRECISIONOFFSET.0 = 0", "PRECISIONOFFSET.0 = -25.5")
-    loaded = parse(program)
+    loaded = parse(program, file_start=-25.5)
     assert [loaded.table.first, loaded.table.last] == pytest.approx([-25.5, 24.51], abs=1e-12)
     assert explain(loaded, -15.48).forward.correction == pytest.approx(-0.02, abs=1e-12)
-    remark = next(lint for lint in loaded.warnings if lint.code == "R9")
-    assert (remark.line, "put A at 25.5" in remark.message) == (5, True)
-    assert "R9" not in {lint.code for lint in parse(program, file_start=-25.5).lints}
-    with pytest.raises(TabFileError, match=r"PRECISIONOFFSET -25\.5, but file_start is 25\.5") as caught:
-        parse(program, file_start=25.5)
-    assert caught.value.line == 5
+    assert "R9" not in {lint.code for lint in loaded.lints}
+
+
+OFFSET_5 = SAMPLE.replace("PRECISIONOFFSET.0 = 0", "PRECISIONOFFSET.0 = 5")
+
+
+def test_an_offset_is_refused_until_file_start_tells_where_mark_a_lies() -> None:
+    """MN1270 3.4.2 adds the offset to a position (A at -5); its keyword page calls it A's place (at 5)."""
+    error = refused(OFFSET_5)
+    assert error.line == 5
+    assert error.problems[0].code == "R9"
+    # A at 5: 7 is 2 from A; the nut is there with the motor at 2 x 10 / 10.02 = 1.996008 from A.
+    # A at -5: 7 is 12 from A; the motor is at 10 + (12 - 10.02) / (20.01 - 10.02) x 10 = 11.981982 from A.
+    plus, minus = error.readings
+    assert "A at 5 mm" in plus
+    assert "7 goes out as 6.99601" in plus
+    assert "A at -5 mm" in minus
+    assert "7 goes out as 6.98198" in minus
+    assert "file_start = 5 or file_start = -5" in error.allowed
+
+
+@pytest.mark.parametrize(("start", "out"), [(5.0, 6.996008), (-5.0, 6.981982)])
+def test_file_start_takes_either_reading_of_an_offset(start: float, out: float) -> None:
+    loaded = parse(OFFSET_5, file_start=start)
+    assert loaded.table.first == start
+    assert explain(loaded, 7.0).forward.corrected == pytest.approx(out, abs=5e-7)
+    assert "R9" not in {lint.code for lint in loaded.lints}
+
+
+def test_file_start_that_is_neither_reading_of_an_offset_is_refused() -> None:
+    error = refused(OFFSET_5, file_start=4.0)
+    assert "PRECISIONOFFSET 5, but file_start is 4" in error.found
+    assert error.line == 5
+
+
+def test_readings_of_an_offset_are_told_in_units_of_the_axis() -> None:
+    error = refused(OFFSET_5, file_units=Units.INCH, units=Units.MM)
+    assert "file_start = 127 or file_start = -127" in error.allowed
+
+
+def test_a_place_beyond_the_table_of_one_reading_is_said_to_get_nothing() -> None:
+    # 100 + 2 is 202 from A where A lies at -100: the table ends at 50.01
+    error = refused(SAMPLE.replace("PRECISIONOFFSET.0 = 0", "PRECISIONOFFSET.0 = 100"))
+    assert "102 goes out as 101.99601" in error.readings[0]
+    assert "102 goes out as it is" in error.readings[1]
+
+
+def test_an_increment_that_stands_only_in_a_figure_is_told() -> None:
+    text = SINGLE.replace("PRECISIONINCREMENT.0 = 10\n", "")
+    assert list(parse(text, file_start=0.0, increment=10.0).table.positions) == [0, 10.02, 20.01, 30.0]
+    error = refused(text, file_start=0.0)
+    assert "--increment" in error.allowed
+    # told in mm for a program in inches
+    told = parse(text, file_start=0.0, increment=254.0, file_units=Units.INCH, units=Units.MM)
+    assert told.table.positions[1] == 10.02
+    assert "told by increment" in str(told.source.decisions)
+
+
+def test_an_increment_that_contradicts_the_program_is_refused() -> None:
+    error = refused(SINGLE, file_start=0.0, increment=5.0)
+    assert "PRECISIONINCREMENT 10, told increment 5" in error.found
+    assert error.line == 3
+    assert single(increment=10.0).table.last == 30.0
 
 
 def test_mark_a_must_be_known() -> None:

@@ -10,6 +10,7 @@ from gateway.compensation.units import Units
 from gateway.tabfile import (
     FileContext,
     LoadedTable,
+    Severity,
     TabFileError,
     TableState,
     V1Layout,
@@ -18,6 +19,7 @@ from gateway.tabfile import (
     explain,
     find_table,
     parse_table,
+    read_table,
 )
 
 TABLES = Path(__file__).parents[2] / "tables"
@@ -184,3 +186,26 @@ def test_c26_forced_zeros_at_the_far_end_are_read_as_they_stand() -> None:
 def test_c42_amount_of_correction_and_error_data_are_the_same_number() -> None:
     assert explain(parse(CNC_V2), 0.0).forward.correction == pytest.approx(0.00004272, abs=1e-18)
     assert explain(parse(TB058_V2, file_start=-2.5), -2.5).forward.correction == 0.0002
+
+
+def test_header_of_version_2_may_have_the_commas_that_tb058_prints() -> None:
+    body = "0\n1\n2\n3\n4\n; backward data\n0\n1\n2\n3\n4\n"
+    with_commas = parse("2, 4, 0.5, 20, 1, 0 ; c\n" + body, travel=(0.0, 2.0))
+    assert with_commas.table == parse("2 4 0.5 20 1 0 ; c\n" + body, travel=(0.0, 2.0)).table
+    assert list(with_commas.table.positions) == [0.0, 0.5, 1.0, 1.5, 2.0]
+    # a decimal comma makes no other header
+    with pytest.raises(TabFileError):
+        parse("2 4 0,5 20 1 0 ; c\n" + body, travel=(0.0, 2.0))
+
+
+def test_c10_ends_that_the_rule_of_home_does_not_explain_are_an_info() -> None:
+    """CNC Services' sample begins forward with 0.4272 and ends backward with -2.6518, where TB058 wants 0."""
+    sample = read_table(TABLES / "centroid-v2" / "cnc10z.tab", FileContext())
+    [info] = [lint for lint in sample.lints if lint.code == "R12"]
+    assert info.severity is Severity.INFO
+    assert "0.4272" in info.message
+    assert "-2.6518" in info.message
+    assert "impossible to acquire meaningful data" in info.message
+    assert info not in sample.warnings
+    # its own Z table has +2 and 0: the rule of home makes it so
+    assert "R12" not in codes(parse(TB058_V2, file_start=-2.5))

@@ -110,6 +110,30 @@ def test_l3_is_silent_where_the_turned_list_is_hardly_smoother() -> None:
     assert "L3" not in codes(read_table(TABLES / "centroid-v2" / "cnc10z.tab", FileContext()))
 
 
+def tb058(**facts: Any) -> LoadedTable:
+    return read_table(TABLES / "centroid-v2-tb058" / "cnc10z.tab", FileContext(travel=(-2.6, 0.0), **facts))
+
+
+def test_l3_is_silent_where_the_turned_list_would_break_the_rule_of_home() -> None:
+    """TB058's own table ends at home with a last reverse value of 0; turned round it would be 3 tenths."""
+    assert "L3" not in codes(tb058())
+    # lists that were logged from the other end are still found: turned round, home is as good as before
+    forward, backward = [5.0, 4.0, 2.0, 1.0, 0.5, 0.0], [4.0, 3.0, 1.0, 0.5, -0.5, 0.0]
+    assert "L3" not in codes(tenths(forward, backward, file_start=-5.0))
+    assert "L3" in codes(tenths(forward, [0.0, -0.5, 0.5, 1.0, 3.0, 4.0], file_start=-5.0))
+
+
+def test_l6_is_silent_of_the_value_at_home_which_is_0_by_definition() -> None:
+    """TB058: the error at home must be 0. Its own last reverse value, 0, stands beside -1 and 0 tenths."""
+    assert "L6" not in codes(tb058())
+    # a slip elsewhere in the same list is named: 30 tenths among 3, 2, 1
+    text = (
+        (TABLES / "centroid-v2-tb058" / "cnc10z.tab").read_text().replace("2.0000\n1.0000", "30.0000\n1.0000")
+    )
+    slipped = parse_table(text.encode(), "cnc10z.tab", FileContext(travel=(-2.6, 0.0)))
+    assert [lint.line for lint in slipped.lints if lint.code == "L6"] == [10]
+
+
 def test_l4_single_value_in_another_unit() -> None:
     forward, backward = SOUND
     slipped = [*backward[:4], 0.0001, backward[5]]

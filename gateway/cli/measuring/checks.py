@@ -131,6 +131,11 @@ def compensation_of(status: Mapping[str, Any], axis: AxisPlan) -> Compensation:
             f"axis {axis.name} has gain {gain['forward']:g} forward and {gain['backward']:g} backward: "
             "readings with a part of a table make no table; set both to 1, or pitch-gateway disable"
         )
+    if not axis.table_name:
+        raise AxisError(
+            f"axis {axis.name} has a backlash and no table: pitch-gateway disable, then measure; the "
+            "readings make a table that holds the lost motion"
+        )
     if found["table"]["sha256"] != axis.table_digest:
         raise AxisError(
             f"axis {axis.name}: the gateway runs with another table than {axis.table_name} is now: "

@@ -301,7 +301,7 @@ def write_table(
         again = parse_table(written.text.encode(), str(out), written.context).table
         change = largest_change(outcome.table, again.in_units(outcome.table.units), axis)
         _check_no_readings(out)
-        write(out, written.text, force=force)
+        write(out, written.text, force=force, encoding=written.encoding)
     except (TabFileError, TableError) as error:
         command = "table refine" if outcome.is_refined else "table build"
         raise FileError(

@@ -151,7 +151,7 @@ AXIS: Final[Texts] = {
         ),
     ),
     "backlash": Said(
-        more="Only beside a table of one direction",
+        more="Beside a table of one direction, or without a table",
         kind="`{ width = LENGTH, kind = … }`",
     ),
     "thermal": Said(
@@ -237,7 +237,13 @@ TABLE_OPTIONS: Final[Texts] = {
         meaning="version 1: whether the first value belongs to home or to one interval from it",
     ),
     "file_start": Said(
-        meaning="version 2: machine position of the first point",
+        meaning=(
+            "version 2: machine position of the first point. Mint: machine position of mark A, needed "
+            "where `PRECISIONOFFSET` is missing or not 0"
+        ),
+    ),
+    "increment": Said(
+        meaning="Mint: distance of the points, where the program does not set `PRECISIONINCREMENT`",
     ),
     "file_home": Said(
         meaning="the end at which the axis of the file homes",

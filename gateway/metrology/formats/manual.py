@@ -3,15 +3,16 @@
 Grammar::
 
     file    := comment* heading line*
-    heading := a name with "DRO" in it, one with "measured" or "block", and perhaps one with "correction";
-               separated by a tab, a semicolon or a comma; a unit in any of them is that of the file
+    heading := a name with "DRO" in it, one with "measured" or "block", and perhaps one with "correction"
+               or "count" (encoder counts, TB058 version 7.17); separated by a tab, a semicolon or a comma; a
+               unit in any of them is that of the file
     line    := as many numbers as the heading has names
 
 The DRO shows where the control believes the axis to be, the instrument measures where it is. The order of the
 DRO column is the way in which the axis went: rising is forward, falling backward. It may turn once, and
 begins its way back at the place where it turned, or at nearly that one: over a gauge block the DRO is another
 on the way back. A correction that stands beside is checked against DRO - measured, and what differs is named;
-it is not used.
+it is not used. Neither are counts, whose scale nobody says.
 """
 
 from itertools import pairwise
@@ -29,7 +30,7 @@ from gateway.tabfile.text import SourceText, shown
 NAME: Final = "manual"
 TITLE: Final = "table of DRO and measured position, one or two sweeps (Centroid TB058)"
 HEADING: Final = "dro_inch,measured_inch"
-_COLUMNS: Final = ("dro", "measured", "correction")
+_COLUMNS: Final = ("dro", "measured", "correction", "count")
 
 
 def recognise(source: SourceText) -> bool:
@@ -56,6 +57,10 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
         table.append((line, dro, measured))
     ways, remarks = _ways(source, table)
     rows = [Row(line, dro, way, 1, measured) for (line, dro, measured), way in zip(table, ways, strict=True)]
+    if "count" in places:
+        remarks.append(
+            f"{source.name}: {shown(sheet.names[places['count']])} is not used: nothing says its scale"
+        )
     if "correction" in places:
         remarks += _differing(source, sheet, rows, units)
     axis = settled_axis(source, context, sheet.facts.get("axis"))

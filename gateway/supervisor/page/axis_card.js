@@ -220,8 +220,9 @@ export class AxisCard {
     setAttribute(this.tableSign, "class", `sign ${state.tone}`);
     setSign(this.tableSign, state.sign);
     setText(this.tableName, its.file ?? "");
-    const parts = [its.file === null && its.status === "none" ? t("No table is configured") : state.words];
-    if (its.points) {
+    const without = its.status === "none" ? t("No table is configured") : t("No table: backlash alone");
+    const parts = [its.file === null ? without : state.words];
+    if (its.points && its.file !== null) {
       parts.push(t("{count} points", { count: its.points }));
     }
     if (its.loaded_at) {
