@@ -524,7 +524,10 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
             nominal = end
     was = aim.arrived
     is_other = was is not None and was.nominal_counts != nominal
-    if was is not None and is_other and was.is_told and was.seen == 3 and aim.is_unsure and not is_passing:
+    # No record says that its done bit was up, and of targets so near only that tells which was reached.
+    is_beside = was is not None and abs(was.nominal_counts - nominal) <= world.design.beside_counts
+    has_arrived = was is not None and was.seen == 3 and not (was.is_restarted and is_beside)
+    if was is not None and is_other and was.is_told and has_arrived and aim.is_unsure and not is_passing:
         raise BrokenRuleError(
             f"an axis that was seen to have arrived at {was.end_counts} is taken for unsure (M6)"
         )
@@ -857,6 +860,8 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
             _judge_record(world, number)
         _recall_stop(world, number)
         _note_moved_away(world, number)
+    if world.design.judges_proof and facts.was_out_of_reach(world, facts.number_of(world, wire.unit_id)):
+        _note_out_of_reach(world, facts.number_of(world, wire.unit_id))
     if is_read and world.design.judges_proof:
         _note_proof(world, wire)
     facts.answered(world, wire, reply, is_native=_is_native(wire.pdu, reply))
@@ -880,6 +885,13 @@ def forget_stop(world: "World", number: int) -> None:
     if axes[number].stopped is not None:
         axes[number] = axes[number]._replace(stopped=None)
         world.state = world.state._replace(axes=tuple(axes))
+
+
+def _note_out_of_reach(world: "World", number: int) -> None:
+    """A target that no reply had proved is not known any more: the same one again begins at its own place."""
+    run = world.state.axes[number].run
+    if run is not None and not run.is_told:
+        note_run(world, number, is_unsure=True)
 
 
 def _note_proof(world: "World", wire: "Wire") -> None:

@@ -1175,10 +1175,20 @@ class World:
                     kept_seen=seen, is_held=run.is_held and not is_restart,
                     is_set_out=run.is_set_out and (is_known or not is_restart),
                 )  # fmt: skip
-                is_distance = wire is not None and wire.aim is not None and wire.aim.base is not None
+                aim = None if wire is None else wire.aim
+                is_distance = aim is not None and aim.base is not None
                 run = run._replace(is_recalled=is_known, is_open=is_known and (is_distance or run.is_open))
-                tried = axis.tried if is_known or not is_restart else None  # no record names that target
+                tried = axis.tried if is_known or not is_restart else self._kept_tried(number)
                 self._set(number, axis._replace(run=run, tried=tried))
+
+    def _kept_tried(self, number: int) -> Tried | None:
+        """Return what was tried last, where a record names that target; nothing proves another one."""
+        found = self.records.read(self.design.plans[number].name) if self.design.has_record else None
+        if found is None:
+            return None
+        ends = (found.corrected_counts, found.unproven and found.unproven.corrected_counts)
+        tried = self.state.axes[number].tried
+        return tried if tried is not None and tried.end_counts in ends else None
 
     def _on_table(self) -> None:
         number = 1 - self.state.table
