@@ -100,6 +100,9 @@ fuzz: setup ## inputs that nobody thought of; TARGET=… one target, SECONDS=…
 		|| { echo "make fuzz needs atheris, which pip could not install (see above): connect this machine, or take Python 3.11 to 3.14 on x86-64 Linux with glibc" >&2; exit 1; }
 	@$(BIN)/python -m tests.fuzz $(TARGET) --seconds $(or $(SECONDS),60)
 
+house: setup ## how large the program is and how many parts it has; REVISIONS="A B": side by side
+	@$(BIN)/python -m tools.house --walks $(REVISIONS)
+
 bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes; writes bench/results.md
 	$(BIN)/python -m bench.hot_path
 	$(BIN)/python -m bench.run
