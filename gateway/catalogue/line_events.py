@@ -39,12 +39,13 @@ WRONG_UNIT: Final = EventEntry(
 ADAPTER_ECHOES: Final = EventEntry(
     "adapter-echoes",
     Severity.WARNING,
-    "what is sent to the drives comes back, and the configuration does not say so: three reads of registers "
-    "in a row were returned byte for byte, which no reply can be. What returns of a write of one register or "
-    "coil is taken for its acknowledgement, whatever the drive says; told once",
+    "what is sent to the drives or to a controller comes back, and the configuration does not say so. Of "
+    "drives: three reads of registers in a row were returned byte for byte, which no reply can be; what "
+    "returns of a write of one register or coil is taken for its acknowledgement, whatever the drive says. "
+    "Of a controller: a reply came back at once, byte for byte, and is taken out from then on; told once",
     "an RS-485 adapter whose receiver stays on while it sends, or a device server with an echo",
-    'set `echo = true` for the drives, as in `drives = { rtu = "/dev/serial/by-id/…", echo = true }`; switch '
-    "the echo of a device server off",
+    'set `echo = true` beside `rtu`, as in `drives = { rtu = "/dev/serial/by-id/…", echo = true }`, or in '
+    "the table of the controller; switch the echo of a device server off",
 )
 OTHER_TRANSACTION_ID: Final = EventEntry(
     "other-transaction-id",

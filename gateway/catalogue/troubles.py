@@ -42,10 +42,12 @@ LINE_DOWN: Final = TroubleEntry(
 ADAPTER_ECHOES: Final = TroubleEntry(
     "adapter-echoes",
     Severity.ERROR,
-    "what is sent to the drives of a line comes back, and the configuration does not say so: the return of a "
-    "write is taken for its acknowledgement",
+    "what is sent to the drives or to a controller of a line comes back, and the configuration does not say "
+    "so: of drives the return of a write is taken for its acknowledgement; of a controller what returns is "
+    "taken out once it was seen",
     "an RS-485 adapter whose receiver stays on while it sends, or a device server with an echo",
-    "set `echo = true` for the drives of the line; switch the echo of a device server off",
+    "set `echo = true` for the drives, or for the controller that is named; switch the echo of a device "
+    "server off",
 )
 DRIVE_MALFORMED: Final = TroubleEntry(
     "drive-malformed",

@@ -1,7 +1,6 @@
 """``[line.NAME]``: one bus of drives and the controllers that may use it."""
 
 from collections.abc import Collection
-from dataclasses import replace
 from enum import Enum
 from typing import Annotated, Self
 
@@ -64,6 +63,10 @@ class _SerialSettings(StrictModel):
         default=_SERIAL.low_latency,
         description="make the serial port's driver hand bytes over at once, where it can",
     )
+    echo: bool = Field(
+        default=_SERIAL.echo,
+        description="the RS-485 adapter hears what it sends: it comes back, and is taken out",
+    )
     rs485: bool = Field(
         default=_SERIAL.rs485, description="set the RS-485 mode of the serial port's driver: it switches RTS"
     )
@@ -76,6 +79,7 @@ class _SerialSettings(StrictModel):
             self.parity.letter,
             self.data_bits,
             self.stop_bits,
+            echo=self.echo,
             low_latency=self.low_latency,
             rs485=self.rs485,
         )
@@ -113,11 +117,6 @@ def broken_rule(model: type[_SerialSettings], keys: Collection[str]) -> str:
 class DrivesEndpoint(_SerialSettings):
     """Where the drives are."""
 
-    echo: bool = Field(
-        default=False,
-        description="the RS-485 adapter hears what it sends: each request comes back before its reply",
-    )
-
     rtu_over_tcp: RtuOverTcp | None = Field(
         default=None, description="HOST:PORT of a serial device server that carries raw RTU frames"
     )
@@ -128,7 +127,7 @@ class DrivesEndpoint(_SerialSettings):
         place = self.tcp or self.rtu_over_tcp
         if place is not None:
             return place
-        return replace(self.serial_endpoint(self.rtu or ""), echo=self.echo)
+        return self.serial_endpoint(self.rtu or "")
 
 
 class ControllerSection(RightsKeys, _SerialSettings):

@@ -16,6 +16,7 @@ from gateway.exchange.ports import ControllerPort, writer_name
 from gateway.modbus.mbap import Adu, MbapCounters, MbapDecoder, encode_mbap, too_long
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.rtu import Frame, RtuRequestDecoder, encode_rtu
+from gateway.modbus.rtu_echo import Echo, ReplyEcho
 from gateway.relay.pacing import PacedSender
 from gateway.relay.pulse import FRESH_NS, Beats
 from gateway.transport.channel import IN_ORDER, Channel
@@ -169,7 +170,9 @@ class RtuControllerPort(ControllerPort):
     """A controller that speaks RTU, over a serial port or through a serial device server.
 
     On a wire a reply begins no sooner than ``gap_ns`` after the request's last byte; nothing is waited for
-    where there is no wire. With ``wire`` its frames may be cut through, if its line does that.
+    where there is no wire. With ``wire`` its frames may be cut through, if its line does that. With ``echo``
+    what comes back of its replies is taken out; ``on_echo`` is called once where the configuration does not
+    name it.
     """
 
     def __init__(
@@ -181,8 +184,13 @@ class RtuControllerPort(ControllerPort):
         wire: Wire | None = None,
         *,
         asked: Asked | None = None,
+        echo: ReplyEcho | None = None,
+        on_echo: Callable[[], None] = lambda: None,
     ) -> None:
         super().__init__(plan)
+        self._echo = echo
+        self._on_echo = on_echo
+        self._has_told_echo = False
         self._asked = asked or Asked()
         self._exchange = exchange
         self._decoder = decoder
@@ -211,6 +219,8 @@ class RtuControllerPort(ControllerPort):
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
         self._decoder.reset()
+        if self._echo is not None:
+            self._echo.begin_anew()
         self._channel = channel
         self.peer = host_of(channel.peer)
         self.writer = writer_name(self.plan.name, self.peer)
@@ -227,6 +237,10 @@ class RtuControllerPort(ControllerPort):
         """See ``Receiver``."""
         if self._sender is not None:
             self._sender.heard(now_ns)
+        if self._echo is not None:
+            data = self._without_echo(self._echo, data, now_ns)
+            if not data:
+                return
         has_left = self._cutter is not None and self._cut(self._cutter, data, now_ns)
         decoder = self._decoder
         pdu = decoder.one(data, now_ns)
@@ -269,15 +283,19 @@ class RtuControllerPort(ControllerPort):
             if unit_id != self._replied_unit_id or pdu != self._replied_pdu:
                 self._replied_frame = encode_rtu(unit_id, pdu)
                 self._replied_unit_id, self._replied_pdu = unit_id, pdu
+            self._expect_echo(self._replied_frame)
             self._sender.send(self._replied_frame)
 
     def may_lead(self, now_ns: int) -> bool:
         """See ``ControllerPort``."""
+        if self._echo is not None and self._echo.echo is Echo.UNKNOWN:
+            return False  # the first reply tells whether it comes back: it leaves whole
         return self._sender is not None and self._sender.may_begin(now_ns)
 
     def lead(self, piece: bytes) -> None:
         """See ``ControllerPort``."""
         if self._sender is not None:
+            self._expect_echo(piece)
             self._sender.add(piece)
 
     def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
@@ -292,7 +310,34 @@ class RtuControllerPort(ControllerPort):
             "damaged": counters.damaged,
             "crc_errors": counters.crc_errors,
             "dropped_bytes": counters.dropped_bytes,
+            "echoes": 0 if self._echo is None else self._echo.echoes,
         }
+
+    @property
+    def returns_replies(self) -> bool:
+        """Whether its adapter returns what is sent, and the configuration does not say so."""
+        return self._echo is not None and self._echo.is_undeclared
+
+    def _expect_echo(self, sent: bytes) -> None:
+        """Note that bytes leave; not while a request arrives, which is none of their echo."""
+        echo, sender = self._echo, self._sender
+        if echo is None or echo.echo is Echo.ABSENT or sender is None:
+            return
+        if self._decoder.is_between_frames:
+            wire_ns = self._gap_ns + len(sent) * sender.stamps.wire_ns_per_byte
+            echo.sent(sent, boot_ns(), wire_ns)
+
+    def _without_echo(self, echo: ReplyEcho, data: bytes, now_ns: int) -> bytes:
+        if echo.is_expected:
+            data = echo.take(data, now_ns)
+        elif data == self._replied_frame:
+            wire_ns = 2 * len(data) * self.stamps.wire_ns_per_byte
+            soonest_ns = self.stamps.sent_ns + wire_ns + self._gap_ns if wire_ns else 0
+            data = b"" if echo.came_back(data, now_ns, soonest_ns) else data
+        if echo.is_undeclared and not self._has_told_echo:
+            self._has_told_echo = True
+            self._on_echo()
+        return data
 
     def _cut(self, cutter: RequestCutter, data: bytes, now_ns: int) -> bool:
         """Let bytes leave that may; return whether they ended a request that has left with them."""

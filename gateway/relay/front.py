@@ -7,6 +7,7 @@ from typing import Final
 
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.line_events import (
+    ADAPTER_ECHOES,
     CONNECTION_CLOSED,
     CONNECTION_MALFORMED,
     PORT_NOT_OPEN,
@@ -17,6 +18,7 @@ from gateway.exchange.cut_line import Wire
 from gateway.exchange.plan import ControllerPlan
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
+from gateway.modbus.rtu_echo import ReplyEcho
 from gateway.modbus.rtu_line import RtuCounters
 from gateway.relay.controller_port import Asked, MbapControllerPort, RtuControllerPort
 from gateway.relay.journal import Journal
@@ -30,7 +32,7 @@ from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint, host_of
-from gateway.transport.framing import frame_silence_ns, request_decoder
+from gateway.transport.framing import RETURNS, frame_silence_ns, request_decoder
 from gateway.transport.serial import SerialPort
 from gateway.transport.serial_channel import character_ns
 from gateway.transport.tcp import TcpListener
@@ -181,6 +183,8 @@ class SerialFront:
             frame_silence_ns(endpoint),
             wire_of(endpoint),
             asked=self._asked,
+            echo=ReplyEcho(is_told=endpoint.echo),
+            on_echo=lambda: note(ADAPTER_ECHOES, f"{endpoint}: {RETURNS}"),
         )
         self._port.ends_by_silence = True
         self._serial = SerialPort(
@@ -235,6 +239,7 @@ class SerialFront:
             "asked_s": _age_s(self._asked),
             "notes": list(self._serial.notes),
             "latency": self._serial.latency,
+            "echo": RETURNS if self._port.returns_replies else "",
             **self._port.counters(),
             "minute": self._minute.grown(boot_ns()),
         }

@@ -272,6 +272,8 @@ def _of_controller(
         failure = f": {controller['failure']}" if controller.get("failure") else ""
         what = Said("{address} is not open{failure}", address=controller["address"], failure=failure)
         yield Trouble(kinds.PORT_CLOSED, place, where, what, axes)
+    if echo := controller.get("echo"):
+        yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{controller['address']}: {echo}", axes)
     if "whole" in controller:
         whole, damaged = controller["whole"], controller["damaged"]
         minute = controller["minute"]

@@ -42,10 +42,14 @@ def reply_decoder(
     return RtuReplyDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS, refused_reads=refused_reads)
 
 
+RETURNS: Final = "the adapter returns what is sent: set echo = true"
+"""What is wrong where a serial port hears what it sends and the configuration does not say so."""
+
+
 def returns_requests(endpoint: TcpEndpoint | SerialEndpoint) -> str:
     """Say what is wrong where what is sent to drives comes back and nobody said so, and what to do."""
     if isinstance(endpoint, SerialEndpoint):
-        return "the adapter returns what is sent: set echo = true"
+        return RETURNS
     return "the device server returns what is sent: switch its echo off"
 
 

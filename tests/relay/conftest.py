@@ -166,9 +166,9 @@ class Bench:
         await end.until(lambda each: each.opens == 1)
         return end
 
-    async def plug(self, device: str) -> RawEnd:
-        """Open a serial device as a raw RTU controller."""
-        end = RawEnd()
+    async def plug(self, device: str, script: Script | None = None) -> RawEnd:
+        """Open a serial device as a raw RTU controller; ``script``: what it sends for what it hears."""
+        end = RawEnd(script)
         await self._open(SerialPort(SerialEndpoint(device, 115200), end, _no_failure))
         return end
 

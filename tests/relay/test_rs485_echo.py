@@ -83,6 +83,64 @@ async def test_a_drive_that_acknowledges_with_the_bytes_of_the_request_is_no_ech
     assert [note for note in bench.notes if note.event == "adapter-echoes"] == []
 
 
+async def test_an_acknowledgement_that_comes_back_is_not_written_again(
+    bench: "Bench", tools: "Tools"
+) -> None:
+    drive, controller, relay = await _echoing_controller(bench, tools)
+    for asked, answered in ((WRITE, WRITE), (READ, SEVENS), (WRITE, WRITE)):
+        controller.write(encode_rtu(1, asked))
+        await controller.receives(encode_rtu(1, answered))
+    assert drive.data == encode_rtu(1, WRITE) + encode_rtu(1, READ) + encode_rtu(1, WRITE)
+    why = "the adapter returns what is sent: set echo = true"
+    status = tools.first_controller(relay)
+    assert (status["echo"], status["damaged"]) == (why, 0)
+    [note] = [note for note in bench.notes if note.event == "adapter-echoes"]
+    assert (note.fields["controller"], note.fields["detail"]) == ("cnc", f"{status['address']}: {why}")
+
+
+async def test_an_echo_of_replies_that_is_announced_is_no_trouble(bench: "Bench", tools: "Tools") -> None:
+    drive, controller, relay = await _echoing_controller(bench, tools, echo=True)
+    for number in range(1, 4):
+        controller.write(encode_rtu(1, WRITE))
+        await controller.receives(encode_rtu(1, WRITE))
+        await _until_echoes(relay, tools, number)
+    assert drive.data == encode_rtu(1, WRITE) * 3
+    assert tools.first_controller(relay)["echo"] == ""
+    assert [note for note in bench.notes if note.event == "adapter-echoes"] == []
+
+
+async def test_a_controller_that_repeats_a_write_at_once_is_no_echo(bench: "Bench", tools: "Tools") -> None:
+    drive, where = await bench.drive("rtu", Echoing(has_echo=False))
+    link, device = bench.controller_link("rtu", timeout_ms=4000.0)
+    relay = await bench.relay(where, (link,), timing=replace(tools.timing, response_timeout_ms=2000.0))
+    await tools.until_up(relay)
+    controller = await bench.plug(device)
+    controller.write(encode_rtu(1, READ))
+    await controller.receives(encode_rtu(1, SEVENS))
+    for _ in range(5):
+        controller.write(encode_rtu(1, WRITE))
+        await controller.receives(encode_rtu(1, WRITE))
+    assert drive.data == encode_rtu(1, READ) + encode_rtu(1, WRITE) * 5
+    assert tools.first_controller(relay)["echo"] == ""
+
+
+async def _until_echoes(relay: "Relay", tools: "Tools", number: int) -> None:
+    await tools.eventually(lambda: tools.first_controller(relay)["echoes"] == number)
+
+
+async def _echoing_controller(
+    bench: "Bench", tools: "Tools", *, echo: bool = False
+) -> "tuple[RawEnd, RawEnd, Relay]":
+    """Return a drive without an echo, a controller behind an adapter that returns all, and the relay."""
+    drive, where = await bench.drive("rtu", Echoing(has_echo=False))
+    link, device = bench.controller_link("rtu", timeout_ms=4000.0)
+    assert isinstance(link.endpoint, SerialEndpoint)
+    link = replace(link, endpoint=replace(link.endpoint, echo=echo))
+    relay = await bench.relay(where, (link,), timing=replace(tools.timing, response_timeout_ms=2000.0))
+    await tools.until_up(relay)
+    return drive, await bench.plug(device, lambda data: data), relay
+
+
 async def _undeclared(bench: "Bench", tools: "Tools", drive: Echoing) -> "tuple[Relay, RawEnd]":
     """Return a gateway that was told nothing of an echo, and its controller."""
     _, where = await bench.drive("rtu", drive)

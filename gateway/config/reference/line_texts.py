@@ -140,8 +140,8 @@ DRIVES: Final[Texts] = {
     ),
     "echo": Said(
         meaning=(
-            "only with `rtu`: the RS-485 adapter hears what it sends, so that each request comes back "
-            "before its reply, and is taken out"
+            "only with `rtu`: the RS-485 adapter hears what it sends, so that what the gateway sends comes "
+            "back, and is taken out. Of a controller's port the first reply tells without it"
         ),
     ),
     "low_latency": Said(

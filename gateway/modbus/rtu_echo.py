@@ -1,0 +1,111 @@
+"""The echo of replies: an RS-485 adapter that hears what it sends returns each reply to the gateway.
+
+The acknowledgement of a write of one register or coil is the request itself. Taken for a request, its echo
+would write the same again, be acknowledged, and come back again: a distance would run without end.
+"""
+
+from enum import Enum
+from typing import Final
+
+from gateway.modbus.pdu import FunctionCode
+from gateway.times import NS_PER_MS
+
+LATEST_NS: Final = 50 * NS_PER_MS
+"""No adapter returns a reply later than that after its last bit: the slowest hold bytes back for 16 ms."""
+_ONLY_REPLIES: Final = frozenset({FunctionCode.READ_HOLDING_REGISTERS, FunctionCode.READ_INPUT_REGISTERS})
+"""Function codes of which a reply is never a request: a request has another length."""
+MOST_BYTES: Final = 1024
+"""More than this is never waited for: replies that did not come back."""
+
+
+class Echo(Enum):
+    """Whether what is sent comes back."""
+
+    UNKNOWN = "unknown"
+    """Nothing was sent yet, or what came back of it was damaged: the next reply tells."""
+    ABSENT = "absent"
+    PRESENT = "present"
+
+
+class ReplyEcho:
+    """Takes the echo of replies out of what a serial port receives.
+
+    With ``is_told`` the configuration says that there is one. Else the first reply tells: what comes back of
+    it byte for byte within :data:`LATEST_NS` is its echo. Any other byte, or none, and there is no echo.
+    """
+
+    __slots__ = ("_held", "_is_told", "_pending", "_until_ns", "echo", "echoes", "is_expected")
+
+    def __init__(self, *, is_told: bool = False) -> None:
+        self._is_told = is_told
+        self.echoes = 0
+        """Replies that came back and were taken out."""
+        self.echo = Echo.UNKNOWN
+        self.is_expected = False
+        """Whether the next bytes may be an echo."""
+        self._pending = self._held = b""
+        self._until_ns = 0
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """The port was opened: another adapter may be there."""
+        self._enter(Echo.PRESENT if self._is_told else Echo.UNKNOWN)
+
+    @property
+    def is_undeclared(self) -> bool:
+        """Whether there is an echo that the configuration does not name."""
+        return self.echo is Echo.PRESENT and not self._is_told
+
+    def sent(self, data: bytes, now_ns: int, wire_ns: int) -> None:
+        """Note that a reply leaves, or a piece of one, which takes ``wire_ns`` on its wire."""
+        if self.echo is Echo.ABSENT:
+            return
+        if self._pending and now_ns > self._until_ns and not self._miss(came_other=False):
+            return
+        if len(self._pending) > MOST_BYTES:
+            self._pending = self._held = b""
+        self._pending += data
+        self.is_expected = True
+        self._until_ns = now_ns + wire_ns + LATEST_NS
+
+    def take(self, data: bytes, now_ns: int) -> bytes:
+        """Return what is left of received bytes without the echo; while it may still become one, nothing."""
+        heard, pending = self._held + data, self._pending
+        if now_ns > self._until_ns:
+            return data if self._miss(came_other=False) else heard
+        if pending.startswith(heard) and len(heard) < len(pending):
+            self._held = heard
+            return b""
+        if not heard.startswith(pending):
+            self._miss(came_other=True)
+            return heard
+        self.echoes += 1
+        self._enter(Echo.PRESENT)
+        return heard[len(pending) :]
+
+    def came_back(self, reply: bytes, now_ns: int, soonest_ns: int) -> bool:
+        """Say whether the newest reply, which has come back where no echo was expected, is one after all.
+
+        A reply to a read is never a request. Any other is, unless it came before ``soonest_ns``: no
+        controller can have heard the reply and sent the same bytes by then.
+        """
+        if reply[1] not in _ONLY_REPLIES and now_ns >= soonest_ns:
+            return False
+        self.echoes += 1
+        self._enter(Echo.PRESENT)
+        return True
+
+    def _miss(self, *, came_other: bool) -> bool:
+        """Note that what was sent did not come back, or other bytes with it; return whether the next may."""
+        if self._is_told:
+            self._enter(Echo.PRESENT)
+        elif self.echo is Echo.PRESENT and came_other:
+            self._enter(Echo.UNKNOWN)
+        else:
+            self._enter(Echo.ABSENT)
+        return self.echo is not Echo.ABSENT
+
+    def _enter(self, echo: Echo) -> None:
+        self.echo = echo
+        self.is_expected = False
+        self._pending = self._held = b""
