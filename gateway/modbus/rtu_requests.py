@@ -174,12 +174,18 @@ class RtuRequestDecoder(RtuDecoder):
         end = len(self._buffer)
         if self._is_intact(start, end):
             return end - start if self._is_over(start, has_given_up=has_given_up) else NEEDS_MORE
+        before_damage = NO_FRAME
         residue = residue_after(self._buffer[start : start + MIN_ADU - 1], SEAM)
         for at in range(start + MIN_ADU, min(start + MAX_ADU, end - MIN_ADU) + 1):
             residue = residue_after(self._buffer[at - 1 : at], residue)
-            if residue == INTACT and self._are_whole(at, has_given_up=has_given_up):
+            if residue != INTACT:
+                continue
+            if self._are_whole(at, has_given_up=has_given_up):
                 return at - start
-        return NO_FRAME
+            # Damage that no more bytes can mend: two good check sums in a row are no chance.
+            if has_given_up and before_damage == NO_FRAME and _intact_length(self._buffer, at) > 0:
+                before_damage = at - start
+        return before_damage
 
     def _is_over(self, start: int, *, has_given_up: bool) -> bool:
         """Whether an odd frame that is good so far is not waited for any longer.
@@ -278,6 +284,9 @@ class RtuRequestDecoder(RtuDecoder):
             is_behind = length > 0
         if not is_behind and not has_given_up:
             return None
+        split = self._odd_length(0, has_given_up=True) if is_behind else NO_FRAME
+        if 0 < split < fresh:
+            return 0, split
         start = self._whole_from(1, fresh if is_behind else len(self._buffer))
         if start > 0:
             return start, _intact_length(self._buffer, start)

@@ -189,6 +189,21 @@ def test_a_stop_behind_a_damaged_odd_frame_is_not_lost_when_its_controller_goes_
         assert frames + decoder.on_silence(40 * MS) == [*stops, frame_of(last)]
 
 
+@pytest.mark.parametrize("odd", [START, SPEED, LONG], ids=lambda wire: wire[:4].hex())
+@pytest.mark.parametrize("damage", ["ff", "01 03 10", "01 03 10 03 00 01 70 00"])
+def test_a_stop_between_an_odd_frame_and_damage_is_delivered(odd: bytes, damage: str) -> None:
+    glued = odd + STOP + bytes.fromhex(damage)
+    assert read(glued) == [frame_of(odd), frame_of(STOP)]
+    assert read(odd + STOP, bytes.fromhex(damage), pause_ns=MS) == [frame_of(odd), frame_of(STOP)]
+    decoder = make()
+    assert decoder.feed(glued, 0) == []
+    assert decoder.on_silence(2 * MS) == []  # what is damage so far may only not be whole yet
+    assert decoder.on_silence(30 * MS) == [frame_of(odd), frame_of(STOP)]
+    following = append_crc(bytes.fromhex("01 03 02 00 00 02"))
+    for last in (following, LONG):
+        assert read(glued, last, pause_ns=5 * MS) == [frame_of(odd), frame_of(STOP), frame_of(last)]
+
+
 def test_w3_a_damaged_odd_frame_is_dropped() -> None:
     assert read(LONG[:4] + b"\x01" + LONG[5:]) == []
 
