@@ -33,7 +33,6 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [0.0, 300.0]
 referenced = "absolute"
-compensation = "on"
 registers.command = [{{ address = 100, type = "int32" }}]
 registers.actual = [{{ address = 110, type = "int32", words = "{words}" }}]
 """
