@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.first_configuration import Answers, configuration_text
+from gateway.cli.first_configuration import Answers, AxisAnswers, configuration_text
 from gateway.drives import library
 from tests.config.config_bench import GOOD, edited, line_of, loaded
 
@@ -41,11 +41,10 @@ def test_an_axis_with_nothing_to_correct_with_is_not_warned_of(tmp_path: Path) -
 
 
 def test_a_first_configuration_says_shadow(tmp_path: Path) -> None:
-    answers = Answers(
+    axis = AxisAnswers(
+        name="x",
         drive="oriental-az",
-        drives_at="127.0.0.1:1501",
-        controller_at="127.0.0.1:1502",
-        axis="x",
+        profile=library.shipped("oriental-az"),
         unit_id=1,
         units="mm",
         counts_per_unit=1000.0,
@@ -53,7 +52,7 @@ def test_a_first_configuration_says_shadow(tmp_path: Path) -> None:
         referenced="drive-bit",
         table="cnc10x.tab",
     )
-    text = configuration_text(answers, library.shipped("oriental-az"))
-    found = loaded(tmp_path, text)
+    answers = Answers(drives_at="127.0.0.1:1501", controller_at="127.0.0.1:1502", axes=(axis,))
+    found = loaded(tmp_path, configuration_text(answers))
     assert found.plan.lines[0].axes[0].compensation.value == "shadow"
     assert [warning for warning in found.warnings if warning.key.endswith("compensation")] == []
