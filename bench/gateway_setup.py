@@ -126,6 +126,7 @@ def _axis_text(line: int, unit: int, has_table: bool) -> str:
         f"counts_per_unit = {COUNTS_PER_MM}.0",
         f"travel = [0.0, {TRAVEL_MM}]",
         'referenced = "absolute"',
+        'compensation = "on"',
         'setpoints = "stream"',
         'writers = "any"',
         *table,

@@ -7,6 +7,7 @@ from typing import Any, Final
 from gateway.cli.first_configuration import (
     USUAL,
     Answers,
+    AxisAnswers,
     Serial,
     configuration_text,
     endpoint,
@@ -16,6 +17,7 @@ from gateway.cli.first_configuration import (
 from gateway.config.drive_files import read_profile
 from gateway.config.load import problems_of_draft
 from gateway.config.problems import Problem
+from gateway.config.values import read_name
 from gateway.drives import library
 from gateway.drives.profile import Profile
 
@@ -38,18 +40,46 @@ ANY_PORT: Final = "/dev/ttyUSB0"
 
 
 class Draft:
-    """Takes one answer after the other. An answer is known by the name that it has in ``Answers``."""
+    """Takes one answer after the other, those of an axis behind its name.
 
-    def __init__(self, file: Path, axis: str, drives: Serial, controller: Serial) -> None:
+    An answer is known by the name that it has in ``Answers`` or ``AxisAnswers``.
+    """
+
+    def __init__(self, file: Path, drives: Serial, controller: Serial) -> None:
         """``drives`` and ``controller``: how their serial ports are set, as far as the options say so."""
         self.answers: dict[str, Any] = {}
-        self.profile: Profile | None = None
+        """Those that are none of an axis."""
+        self.axes: dict[str, dict[str, Any]] = {}
+        """Those of each axis, in the order in which they were named."""
+        self.tables: dict[str, str | None] = {}
+        """The table file of each axis; looked at only in the file that is written."""
         self.notes: list[str] = []
         """What good answers brought to light elsewhere; it can be mended in the file."""
         self._file = file
-        self._axis = axis
+        self._axis = ""
+        self._profiles: dict[str, Profile] = {}
         self._serial = {"drives_format": drives, "controller_format": controller}
         self._known: set[Problem] = set()
+
+    @property
+    def profile(self) -> Profile | None:
+        """Return the profile of the axis that was named last."""
+        return self._profiles.get(self._axis)
+
+    def begin_axis(self, name: str) -> None:
+        """Take the name of an axis: the answers about axes that come now are about this one.
+
+        Raises:
+            ValueError: it is no name, or the name of another axis.
+        """
+        try:
+            read_name(name)
+        except ValueError as error:
+            raise ValueError(f'found "{name}"; {error}') from None
+        if name in self.axes:
+            raise ValueError(f'found "{name}"; there is an axis {name} already: give this one another name')
+        self._axis = name
+        self.axes[name] = {}
 
     def wrong_serial(self) -> tuple[str, Problem] | None:
         """Return which option about a serial port is wrong, and why, whatever is asked later."""
@@ -70,8 +100,8 @@ class Draft:
         if name == "controller_format":
             given = {key: value for key, value in asked._asdict().items() if value is not None}
             return self.serial("drives_format", answers)._replace(**given)
-        if self.profile is not None:
-            return serial_of(asked, self.profile)
+        for profile in self._profiles.values():  # the first drive decides: all hang on one cable
+            return serial_of(asked, profile)
         return USUAL._replace(**{key: value for key, value in asked._asdict().items() if value is not None})
 
     @property
@@ -93,32 +123,49 @@ class Draft:
         """
         if name in FORMATS:
             answer = serial_format(str(answer), self.serial(name))
-        answers = {**self.answers, name: answer}
-        problems = problems_of_draft(self._file, self._tables(answers))
+        if name == "unit_id":
+            self._refuse_same_unit(answer)
+        answers, axes = self.answers, self.axes
+        if name in PLACES:
+            answers = {**answers, name: answer}
+        else:
+            axes = {**axes, self._axis: {**axes[self._axis], name: answer}}
+        problems = problems_of_draft(self._file, self._tables(answers, axes))
         new = [problem for problem in problems if problem.found != "missing" and problem not in self._known]
         own = [problem for problem in new if self._is_about(problem, name)]
         if own:
             raise ValueError("\n  ".join(_said(problem, name) for problem in own))
-        self.answers = answers
+        self.answers, self.axes = answers, axes
         self._known.update(new)
         self.notes += [f"{problem.key}: {problem.found}; {problem.remedy}" for problem in new]
         if name == "drive":
-            self.profile = _profile(str(answer), self._file.parent)
+            self._profiles[self._axis] = _profile(str(answer), self._file.parent)
 
-    def text(self, table: str | None, state: str | None = None, timing: tuple[str, ...] = ()) -> str:
+    def note_table(self, file: str | None) -> None:
+        """Take the table file of the axis that was named last, None for none."""
+        self.tables[self._axis] = file
+
+    def _refuse_same_unit(self, unit_id: object) -> None:
+        """A drive of several axes has registers for each: that is written by hand."""
+        for name, answers in self.axes.items():
+            if name != self._axis and answers.get("unit_id") == unit_id:
+                raise ValueError(f"found {unit_id}; axis {name} has this unit id: each drive has its own")
+
+    def text(self, state: str | None = None, timing: tuple[str, ...] = ()) -> str:
         """Return the configuration with its comments. Everything has to be answered."""
-        assert self.profile is not None
         given = {name: answer for name, answer in self.answers.items() if name not in FORMATS}
         answers = Answers(
             **given,
-            axis=self._axis,
+            axes=tuple(
+                AxisAnswers(name=name, profile=self._profiles[name], table=self.tables.get(name), **its)
+                for name, its in self.axes.items()
+            ),
             drives_serial=self.serial("drives_format"),
             controller_serial=self.serial("controller_format"),
-            table=table,
             timing=timing,
             state=state,
         )
-        return configuration_text(answers, self.profile)
+        return configuration_text(answers)
 
     def _is_about(self, problem: Problem, name: str) -> bool:
         if name == "drive":
@@ -126,7 +173,7 @@ class Draft:
             return problem.file != str(self._file) or problem.key.startswith(tuple(keys))
         return problem.key.startswith(PLACES.get(name, f"axis.{self._axis}.{name}"))
 
-    def _tables(self, answers: Mapping[str, Any]) -> dict[str, Any]:
+    def _tables(self, answers: Mapping[str, Any], axes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         """Return the configuration as far as it is known."""
         line: dict[str, Any] = {}
         if "drives_at" in answers:
@@ -134,11 +181,16 @@ class Draft:
         if "controller_at" in answers:
             serial = self.serial("controller_format", answers)
             line["controllers"] = [{"name": CONTROLLER, **endpoint(answers["controller_at"], serial)}]
-        axis = {name: value for name, value in answers.items() if name not in PLACES}
-        if "travel" in axis:
-            axis["travel"] = list(axis["travel"])
         gateway = {"name": answers["name"]} if "name" in answers else {}
-        return {"gateway": gateway, "line": {LINE: line}, "axis": {self._axis: {"line": LINE, **axis}}}
+        return {
+            "gateway": gateway,
+            "line": {LINE: line},
+            "axis": {name: {"line": LINE, **_as_toml(its)} for name, its in axes.items()},
+        }
+
+
+def _as_toml(answers: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in answers.items()}
 
 
 def _profile(name: str, folder: Path) -> Profile:

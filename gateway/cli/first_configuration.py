@@ -1,4 +1,4 @@
-"""The text of a first configuration: one line, one controller, one axis, with a comment on each choice."""
+"""The text of a first configuration: one line, one controller, its axes, with a comment on each choice."""
 
 import json
 import re
@@ -24,34 +24,44 @@ USUAL: Final = Serial(19200, "none", 1)
 
 
 @dataclass(frozen=True, slots=True)
-class Answers:
-    """What has to be known before a configuration can be written. Lengths in ``units``."""
+class AxisAnswers:
+    """What has to be known of an axis. Lengths in ``units``."""
 
+    name: str
     drive: str
-    drives_at: str
-    """A path from /, HOST:PORT, or rtu://HOST:PORT."""
-    controller_at: str
-    axis: str
+    profile: Profile
+    """Of :attr:`drive`."""
     unit_id: int
     units: str
     counts_per_unit: float
     travel: tuple[float, float]
     referenced: str
+    home_approach: str = "none"
+    table: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What has to be known before a configuration can be written."""
+
+    drives_at: str
+    """A path from /, HOST:PORT, or rtu://HOST:PORT."""
+    controller_at: str
+    axes: tuple[AxisAnswers, ...]
     name: str = "gateway"
     drives_serial: Serial = USUAL
     """Of their port, where it is a serial one."""
     controller_serial: Serial = USUAL
-    table: str | None = None
-    home_approach: str = "none"
     timing: tuple[str, ...] = ()
     """Lines of the line, as ``response_timeout_ms = 50``: measured, where they are there."""
     state: str | None = None
     """Where the gateway keeps its state, where that is not beside the configuration."""
 
 
-def configuration_text(answers: Answers, profile: Profile) -> str:
+def configuration_text(answers: Answers) -> str:
     """Return the configuration with its comments."""
-    return "\n".join((*_head(answers), *_line(answers), *_axis(answers, profile), ""))
+    axes = "\n\n".join("\n".join((*_axis(axis), "")) for axis in answers.axes)
+    return "\n".join((*_head(answers), *_line(answers), axes))
 
 
 def serial_of(asked: Serial, profile: Profile) -> Serial:
@@ -176,35 +186,36 @@ def _line(answers: Answers) -> list[str]:
     ]
 
 
-def _axis(answers: Answers, profile: Profile) -> list[str]:
+def _axis(axis: AxisAnswers) -> list[str]:
     return [
-        f"[axis.{answers.axis}]",
+        f"[axis.{axis.name}]",
         'line = "main"',
-        f"unit_id = {answers.unit_id}",
-        *_drive(answers, profile),
-        f"units = {_quoted(answers.units)}",
-        f"# {_one_line(profile.counts or 'Counts of the drive in one unit.')}",
+        f"unit_id = {axis.unit_id}",
+        *_drive(axis),
+        f"units = {_quoted(axis.units)}",
+        f"# {_one_line(axis.profile.counts or 'Counts of the drive in one unit.')}",
         "# Negative where the drive counts down while the axis goes forward.",
-        f"counts_per_unit = {answers.counts_per_unit!r}",
+        f"counts_per_unit = {axis.counts_per_unit!r}",
         "# zero_counts = 0          # count of the drive at machine position 0",
-        f"travel = [{answers.travel[0]!r}, {answers.travel[1]!r}]",
+        f"travel = [{axis.travel[0]!r}, {axis.travel[1]!r}]",
         "# In the folder named above; without a table positions pass 1:1. How to do beyond its ends and at a",
         "# reversal what its control did: pitch-gateway table show FILE",
-        '# table = "x.tab"' if answers.table is None else f"table = {_quoted(answers.table)}",
+        f'# table = "{axis.name}.tab"' if axis.table is None else f"table = {_quoted(axis.table)}",
         "# How it is known that the axis knows where it is; as long as it does not, nothing is corrected.",
-        f"referenced = {_quoted(answers.referenced)}",
+        f"referenced = {_quoted(axis.referenced)}",
         '# Direction of the last movement of homing: "forward", "backward" or "none" (not known).',
-        f"home_approach = {_quoted(answers.home_approach)}",
+        f"home_approach = {_quoted(axis.home_approach)}",
         "# max_speed = 200.0        # units/s",
         '# "shadow" computes and shows everything and changes nothing; then "on".',
         'compensation = "shadow"',
     ]
 
 
-def _drive(answers: Answers, profile: Profile) -> list[str]:
+def _drive(axis: AxisAnswers) -> list[str]:
+    profile = axis.profile
     tier = "" if profile.tier is Tier.OWN else f" (tier {profile.tier.value})"
     return [
         f"# {_one_line(profile.title)}{tier}. Go through its traps before the machine is run:",
-        f"# pitch-gateway drives show {_one_line(answers.drive)}",
-        f"drive = {_quoted(answers.drive)}",
+        f"# pitch-gateway drives show {_one_line(axis.drive)}",
+        f"drive = {_quoted(axis.drive)}",
     ]

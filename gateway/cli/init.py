@@ -36,6 +36,11 @@ QUESTIONS: Final[Mapping[str, tuple[Callable[[str], Any], str]]] = {
     "home_approach": (text, "Last movement of homing (none, forward or backward)"),
 }
 """How what the options leave open is asked for, in this order."""
+OF_LINE: Final = ("drives_at", "drives_format", "controller_at", "controller_format")
+"""Those of them that are asked once; the others are asked for each axis."""
+AS_BEFORE: Final = ("drive", "units", "referenced", "home_approach")
+"""What a further axis has as the one before, unless something else is said."""
+ANOTHER_QUESTION: Final = "Another axis on the same line?"
 EXPLAINED: Final[Mapping[str, str]] = {
     "counts_per_unit": "counts in one unit: by how much the position register changes while the axis moves "
     "one unit; counts of a turn of the motor × gear / lead of the screw, as in 10 000 × 1 / 5 mm = 2000; "
@@ -77,7 +82,7 @@ def init(
     controller_baudrate: options.ControllerBaudrate = None,
     controller_parity: options.ControllerParity = None,
     controller_stop_bits: options.ControllerStopBits = None,
-    axis: options.Axis = "x",
+    axis: options.Axis = None,
     unit_id: options.UnitId = None,
     units: options.AxisUnits = None,
     counts_per_unit: options.Counts = None,
@@ -85,6 +90,7 @@ def init(
     table: options.Table = None,
     referenced: options.Referenced = None,
     home_approach: options.HomeApproach = None,
+    another_axis: options.AnotherAxis = None,
     measure: options.Measure = None,
     scan: options.Scan = False,
     ask: options.Ask = None,
@@ -92,15 +98,16 @@ def init(
     systemd: options.Systemd = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Write a commented configuration for one drive, to start from.
+    """Write a commented configuration for the drives on one line, to start from.
 
     Asks first whether the controller's own compensation is off, then for what the options leave open; serial
     ports that are there are listed by the names that last, and chosen by their number. An answer that the
-    configuration would refuse is explained and asked for again. The folder of the tables is made. The file is
+    configuration would refuse is explained and asked for again. Then it asks for a further axis, as often as
+    there is one; Enter takes the drive of the axis before. The folder of the tables is made. The file is
     checked when it is written; where the drives answer, their times are measured and the time-outs of the
     line are written as they ask for (`pitch-gateway probe --timing`). What is left to fill in is said line by
-    line, then the next three commands. The axis starts in "shadow": everything is computed and shown, nothing
-    is changed.
+    line, then the next three commands. Each axis starts in "shadow": everything is computed and shown,
+    nothing is changed.
 
     Where baud rate, parity or unit ids of the drives are not known and their line is silent, --scan
     asks each unit id for one register, at one usual setting after the other, and offers what answered.
@@ -112,49 +119,57 @@ def init(
 
         pitch-gateway init mill.toml --controller-compensation-off --drive oriental-az --units mm --unit-id 1
         --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 --counts-per-unit 1000 --travel -300 0
+
+        pitch-gateway init mill.toml --controller-compensation-off --drive oriental-az --units mm --unit-id 1
+        --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 --counts-per-unit 1000 --travel -300 0
+        --another-axis y,unit-id=2,counts-per-unit=1000,travel=-200:0
+        --another-axis z,unit-id=3,counts-per-unit=2000,travel=-120:0,table=z.tab
     """
     from gateway.cli.first_configuration import Serial
 
     asking = Asking(is_on=sys.stdin.isatty() if ask is None else ask)
     controller = Serial(controller_baudrate, controller_parity, controller_stop_bits)
-    draft = _new_draft(file, axis, Serial(baudrate, parity, stop_bits), controller, force=force)
-    given = {
-        "name": name,
+    draft = _new_draft(file, Serial(baudrate, parity, stop_bits), controller, force=force)
+    given = {"name": name, "drives_at": drives_at, "controller_at": controller_at}
+    first = {
+        "axis": axis,
         "drive": drive,
-        "drives_at": drives_at,
-        "controller_at": controller_at,
         "unit_id": unit_id,
         "units": units,
         "counts_per_unit": counts_per_unit,
         "referenced": referenced,
         "travel": travel,
         "home_approach": home_approach,
+        "table": table,
     }
+    try:
+        axes = [first, *map(options.further_axis, another_axis or ())]
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--another-axis") from None
     if scan and not asking.is_on:
         raise typer.BadParameter(
             "it asks before it reads: run it on a terminal, or with --ask", param_hint="--scan"
         )
     try:
-        _answer(draft, asking, given, is_compensation_off=controller_compensation_off, is_scan=scan)
-        table = asking.optional(table, "Table file in the tables folder (none: leave empty)")
+        _answer(draft, asking, given, axes, is_compensation_off=controller_compensation_off, is_scan=scan)
     except typer.Abort:
         _refuse("\nended before all was answered: nothing was written")
     state = _state_of(file, is_service=systemd is not None)
-    _write(file, draft.text(table, state), force=force)
+    _write(file, draft.text(state), force=force)
     _make_tables(file)
     if timing := _measured(file, asking, draft, measure=measure):
-        _write(file, draft.text(table, state, timing), force=True)
+        _write(file, draft.text(state, timing), force=True)
     is_good = _say_what_is_left(file, _next(file, state), as_json=as_json)
     if systemd is not None:
         _fit_units(file, systemd, is_good=is_good, is_quiet=as_json)
 
 
-def _new_draft(file: Path, axis: str, drives: "Serial", controller: "Serial", *, force: bool) -> "Draft":
-    """Return a draft in which nothing is answered yet; refuses names and settings that cannot be."""
+def _new_draft(file: Path, drives: "Serial", controller: "Serial", *, force: bool) -> "Draft":
+    """Return a draft in which nothing is answered yet; refuses files and settings that cannot be."""
     from gateway.cli.draft import Draft
 
-    _check_names(file, axis, force=force)
-    draft = Draft(file, axis, drives, controller)
+    _check_file(file, force=force)
+    draft = Draft(file, drives, controller)
     wrong = draft.wrong_serial()
     if wrong is not None:
         option, problem = wrong
@@ -163,7 +178,13 @@ def _new_draft(file: Path, axis: str, drives: "Serial", controller: "Serial", *,
 
 
 def _answer(
-    draft: "Draft", asking: Asking, given: Mapping[str, Any], *, is_compensation_off: bool, is_scan: bool
+    draft: "Draft",
+    asking: Asking,
+    given: Mapping[str, Any],
+    axes: "Sequence[Mapping[str, Any]]",
+    *,
+    is_compensation_off: bool,
+    is_scan: bool,
 ) -> None:
     """Have everything answered that the options leave open."""
     if not is_compensation_off and not asking.is_yes(COMPENSATION_QUESTION):
@@ -172,60 +193,108 @@ def _answer(
     asking.settle(
         name, "--name", partial(text, "Name of the gateway", host_name()), partial(draft.take, "name")
     )
-    _settle_drive(asking, draft, given["drive"])
-    _settle_rest(asking, draft, given, is_scan=is_scan)
+    unit_ids = tuple(axis["unit_id"] for axis in axes if axis.get("unit_id") is not None)
+    for axis in axes:
+        _settle_axis(asking, draft, {**given, **axis}, scanned=unit_ids if is_scan else None)
+    while len(axes) == 1 and asking.is_yes(ANOTHER_QUESTION):
+        _settle_axis(asking, draft, {}, scanned=None)
     asking.refuse_if_incomplete()
 
 
-def _settle_drive(asking: Asking, draft: "Draft", given: str | None) -> None:
-    """Have the drive named; the profiles that there are stand above the question."""
+def _settle_axis(
+    asking: Asking, draft: "Draft", given: Mapping[str, Any], *, scanned: tuple[int, ...] | None
+) -> None:
+    """Have an axis answered, and with the first one its line.
+
+    ``scanned``: the unit ids to look for at every setting, none of them: the usual ones; None: no scan.
+    """
+    before = next(reversed(draft.axes.values()), None)
+    name = given.get("axis")
+    if name is None and before is None and not asking.is_on:
+        name = "x"
+    ask = partial(text, "Name of the axis", "x" if before is None else None)
+    asking.settle(name, "--axis" if before is None else "--another-axis", ask, draft.begin_axis)
+    _settle_drive(asking, draft, given.get("drive"), None if before is None else before.get("drive"))
+    _settle_rest(asking, draft, given, before, scanned=scanned)
+    question = "Table file in the tables folder (none: leave empty)"
+    draft.note_table(asking.optional(given.get("table"), question))
+
+
+def _settle_drive(asking: Asking, draft: "Draft", given: str | None, before: str | None) -> None:
+    """Have the drive named; the profiles that there are stand above the first question."""
     from gateway.cli.drives_output import list_lines
     from gateway.drives import library
 
     names = library.names()
-    for number_, line in enumerate(list_lines()) if asking.is_on and given is None else ():
+    is_listed = asking.is_on and given is None and before is None
+    for number_, line in enumerate(list_lines()) if is_listed else ():
         typer.echo(f"  {number_ or '':>2}  {line}", err=True)  # above the first stands what the columns are
-    ask = partial(
-        _choice, "Drive (a number or a name of the list, or a file of your own: ./my-drive.toml)", names
-    )
+    question = "Drive (a number or a name of the list, or a file of your own: ./my-drive.toml)"
+    ask = partial(_choice, question, names, before)
+    given = before if given is None and not asking.is_on else given
     try:
-        asking.settle(given, "--drive", ask, partial(draft.take, "drive"))
+        asking.settle(given, _option(draft, "drive"), ask, partial(draft.take, "drive"))
     except typer.BadParameter as error:
         _refuse(error.message)
 
 
-def _settle_rest(asking: Asking, draft: "Draft", given: Mapping[str, Any], *, is_scan: bool) -> None:
+def _option(draft: "Draft", name: str) -> str:
+    """Return where an answer is given that is not asked for."""
+    name = name.replace("_", "-")
+    return f"--{name}" if len(draft.axes) == 1 else f"{name} of --another-axis {next(reversed(draft.axes))}"
+
+
+def _settle_rest(
+    asking: Asking,
+    draft: "Draft",
+    given: Mapping[str, Any],
+    before: Mapping[str, Any] | None,
+    *,
+    scanned: tuple[int, ...] | None,
+) -> None:
     """Have everything else answered; what has a usual answer offers it."""
     from gateway.cli.draft import FORMATS
     from gateway.cli.first_configuration import format_words
     from gateway.cli.serial_ports import serial_ports
 
-    profile = draft.profile
-    has_homed_bit = profile is not None and profile.registers.bits.homed is not None
-    usual = {"home_approach": "none", **({"referenced": "drive-bit"} if has_homed_bit else {})}
-    ports = serial_ports() if asking.is_on else []
+    usual = _usual(draft, before)
+    ports = serial_ports() if asking.is_on and before is None else []
     for name, (ask, question) in QUESTIONS.items():
+        if name in OF_LINE and before is not None:
+            continue
         answer = given.get(name)
-        if is_scan and name == "drives_format" and (found := _scanned(asking, draft, given["unit_id"])):
+        if name == "drives_format" and scanned is not None and (found := _scanned(asking, draft, scanned)):
             usual[name] = found
         if name in FORMATS:
             if not draft.wants_format(name) or not asking.is_on:
                 continue
             usual.setdefault(name, format_words(draft.serial(name)))
         if answer is None and asking.is_on:
-            _say_before(name, draft, ports)
+            _say_before(name, draft, ports, is_first=before is None)
         if answer is None and not asking.is_on:
             answer = usual.get(name)
         asked = partial(text, question, usual[name]) if name in usual else partial(ask, question)
         if name.endswith("_at"):
             asked = partial(_choice, question, [port.path for port in ports])
         said = len(draft.notes)
-        asking.settle(answer, f"--{name.replace('_', '-')}", asked, partial(draft.take, name))
+        asking.settle(answer, _option(draft, name), asked, partial(draft.take, name))
         for note in draft.notes[said:] if asking.is_on else ():
             typer.echo(f"  note: {note}", err=True)
 
 
-def _scanned(asking: Asking, draft: "Draft", unit_id: int | None) -> str:
+def _usual(draft: "Draft", before: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return what is offered; a further axis is referenced as the one before, where its drive is the same."""
+    profile = draft.profile
+    has_homed_bit = profile is not None and profile.registers.bits.homed is not None
+    usual = {"home_approach": "none", **({"referenced": "drive-bit"} if has_homed_bit else {})}
+    if before is None:
+        return usual
+    is_same = before.get("drive") == next(reversed(draft.axes.values())).get("drive")
+    names = [name for name in AS_BEFORE if name in before and (is_same or name != "referenced")]
+    return usual | {name: str(before[name]) for name in names}
+
+
+def _scanned(asking: Asking, draft: "Draft", wanted: tuple[int, ...]) -> str:
     """Look for drives at every setting; return the one at which they answer, empty where none did."""
     from gateway.cli.first_configuration import format_words
     from gateway.cli.scanning import scan
@@ -239,7 +308,6 @@ def _scanned(asking: Asking, draft: "Draft", unit_id: int | None) -> str:
     address = draft.read_address
     if not asking.is_yes(SCAN_QUESTION.format(device=device, address=address)):
         return ""
-    wanted = () if unit_id is None else (unit_id,)
     try:
         found = asyncio.run(
             scan(device, offered, address, wanted, lambda line: typer.echo(f"  {line}", err=True))
@@ -258,21 +326,21 @@ def _scanned(asking: Asking, draft: "Draft", unit_id: int | None) -> str:
     return format_words(found.serial)
 
 
-def _say_before(name: str, draft: "Draft", ports: "Sequence[Found]") -> None:
+def _say_before(name: str, draft: "Draft", ports: "Sequence[Found]", *, is_first: bool) -> None:
     """Say what somebody has to know for a question."""
     if name.endswith("_at"):
         typer.echo("  serial ports that are there:" if ports else "  no serial port is there", err=True)
         for number_, port in enumerate(ports, start=1):
             typer.echo(f"    {number_}  {port}", err=True)
-    if name in EXPLAINED:
+    if name in EXPLAINED and is_first:
         typer.echo(f"  {EXPLAINED[name]}", err=True)
     if name == "counts_per_unit" and draft.profile is not None and draft.profile.counts:
         typer.echo(f"  of this drive: {draft.profile.counts}", err=True)
 
 
-def _choice(question: str, listed: "Sequence[str]") -> str:
+def _choice(question: str, listed: "Sequence[str]", default: str | None = None) -> str:
     """Ask for something of a list that was shown: by its number, or as it is called."""
-    answer = text(question)
+    answer = text(question, default)
     if answer.isdecimal() and 0 < int(answer) <= len(listed):
         return listed[int(answer) - 1]
     return answer
@@ -297,9 +365,7 @@ def _make_tables(file: Path) -> None:
         _refuse(f"{file.parent / 'tables'} cannot be made ({error.strerror}); {file} is written")
 
 
-def _check_names(file: Path, axis: str, *, force: bool) -> None:
-    from gateway.config.values import read_name
-
+def _check_file(file: Path, *, force: bool) -> None:
     if os.path.exists(file) and not force:  # noqa: PTH110 - a folder that may not be entered is no error here
         _refuse(f"{file} exists already; name another file, or overwrite it with --force")
     folder = file.parent
@@ -307,10 +373,6 @@ def _check_names(file: Path, axis: str, *, force: bool) -> None:
     if not is_folder or not os.access(folder, os.W_OK | os.X_OK):
         why = "not writable" if is_folder else "no folder, or none that this user may enter"
         _refuse(f"{file} cannot be written ({folder} is {why}); name a file in a folder of yours")
-    try:
-        read_name(axis)
-    except ValueError as error:
-        raise typer.BadParameter(f'found "{axis}"; {error}', param_hint="--axis") from None
 
 
 def _state_of(file: Path, *, is_service: bool) -> str | None:

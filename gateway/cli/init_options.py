@@ -1,7 +1,8 @@
 """The options of ``pitch-gateway init``."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 import typer
 
@@ -31,7 +32,7 @@ ControllerBaudrate = Annotated[
 ]
 ControllerParity = Annotated[str | None, Option(help="The same; default: as the drives' is.")]
 ControllerStopBits = Annotated[int | None, Option(help="The same; default: as the drives' is.")]
-Axis = Annotated[str, Option(help="Name of the axis.")]
+Axis = Annotated[str | None, Option(help="Name of the axis; default: x.")]
 UnitId = Annotated[int | None, Option(min=0, max=255, help="Modbus unit id of the drive.")]
 AxisUnits = Annotated[str | None, Option(help="mm, inch or degree.")]
 Counts = Annotated[
@@ -41,6 +42,15 @@ Travel = Annotated[tuple[float, float] | None, Option(help="Lowest and highest m
 Table = Annotated[str | None, Option(help="Name of the table file in the tables folder.")]
 Referenced = Annotated[str | None, Option(help="absolute, drive-bit, homing or set-position.")]
 HomeApproach = Annotated[str | None, Option(help="none, forward or backward.")]
+AnotherAxis = Annotated[
+    list[str] | None,
+    Option(
+        metavar="NAME,KEY=VALUE,...",
+        help="A further axis on the same line: unit-id, counts-per-unit, travel=LOWEST:HIGHEST, and table "
+        "where it has one. drive, units, referenced and home-approach are those of the axis before, if left "
+        "out. May be given again.",
+    ),
+]
 Measure = Annotated[
     bool | None,
     Option(
@@ -64,3 +74,46 @@ Systemd = Annotated[
     Option(metavar="DIR", help="Fit systemd's units below DIR to it too; see `pitch-gateway service`."),
 ]
 AsJson = Annotated[bool, Option("--json", help="Say what is left to do as JSON.")]
+
+
+def _range(text: str) -> tuple[float, float]:
+    lowest, _, highest = text.partition(":")
+    return float(lowest), float(highest)
+
+
+_OF_AXIS: Final[Mapping[str, tuple[Callable[[str], Any], str]]] = {
+    "drive": (str, ""),
+    "unit-id": (int, "a whole number, as in unit-id=2"),
+    "units": (str, ""),
+    "counts-per-unit": (float, "a number, as in counts-per-unit=1000"),
+    "referenced": (str, ""),
+    "travel": (_range, "LOWEST:HIGHEST, as in travel=-300:0"),
+    "home-approach": (str, ""),
+    "table": (str, ""),
+}
+"""What ``--another-axis`` may say, how it is read, and what is allowed where that fails."""
+
+
+def further_axis(text: str) -> dict[str, Any]:
+    """Return what an ``--another-axis`` says, by the names of the options with underscores.
+
+    Raises:
+        ValueError: it is not understood; says what was found and what is allowed.
+
+    >>> further_axis("y,unit-id=2,travel=-300:0")
+    {'axis': 'y', 'unit_id': 2, 'travel': (-300.0, 0.0)}
+    """
+    name, *pairs = text.split(",")
+    found: dict[str, Any] = {"axis": name}
+    for pair in pairs:
+        key, _, value = pair.partition("=")
+        if key not in _OF_AXIS or not value:
+            raise ValueError(f'found "{pair}"; allowed: KEY=VALUE with {", ".join(_OF_AXIS)}')
+        if key.replace("-", "_") in found:
+            raise ValueError(f'found "{pair}"; {key} stands there twice')
+        read, allowed = _OF_AXIS[key]
+        try:
+            found[key.replace("-", "_")] = read(value)
+        except ValueError:
+            raise ValueError(f'found "{pair}"; allowed: {allowed}') from None
+    return found

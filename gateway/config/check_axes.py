@@ -46,6 +46,7 @@ def check_axes(findings: Findings, sections: Sections) -> None:
         _check_registers(findings, path, axis)
         _check_setpoints(findings, path, axis)
         _check_without_table(findings, path, axis)
+        _check_mode_is_said(findings, path, axis)
     for name, axis in sections.axes.items():
         path = ("axis", name)
         _check_modulo(findings, path, axis)
@@ -201,6 +202,19 @@ def _check_without_table(findings: Findings, path: KeyPath, axis: AxisSection) -
         )
     if backlash is not None:
         check_backlash_alone(findings, path, axis)
+
+
+def _check_mode_is_said(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    """A file that ran keeps its meaning, so a missing key corrects; but nobody may be surprised by that."""
+    what = "its table" if axis.table is not None else "its backlash"
+    if (axis.table is None and axis.backlash is None) or "compensation" in axis.model_fields_set:
+        return
+    findings.warn(
+        (*path, "compensation"),
+        f'missing: the axis is corrected with {what}, as with compensation = "on"',
+        f'write compensation = "on" below [{key_text(path)}] if that is meant, or compensation = "shadow" to '
+        "see the corrections first: positions pass unchanged then",
+    )
 
 
 def _check_modulo(findings: Findings, path: KeyPath, axis: AxisSection) -> None:

@@ -44,6 +44,7 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [0.0, 100.0]
 referenced = "absolute"
+compensation = "on"
 table = "x.tab"
 registers.command = [{{ address = 100, type = "int32" }}]
 
@@ -136,9 +137,7 @@ def test_a_gateway_that_runs_is_commanded(config: Path) -> None:
 
 
 def test_an_axis_in_shadow_mode_is_named_when_it_is_enabled(config: Path) -> None:
-    config.write_text(
-        config.read_text().replace('table = "x.tab"', 'table = "x.tab"\ncompensation = "shadow"')
-    )
+    config.write_text(config.read_text().replace('compensation = "on"', 'compensation = "shadow"', 1))
     with running("run", config):
         typed("disable", str(config), "x")
         on = typed("enable", str(config), "x", "--json")
@@ -245,7 +244,7 @@ def test_traffic_is_shown_with_names_and_positions(recording: Path) -> None:
 
 
 def test_another_configuration_exits_with_1_and_the_first_difference(recording: Path, config: Path) -> None:
-    config.write_text(config.read_text().replace('table = "x.tab"', 'table = "x.tab"\ncompensation = "off"'))
+    config.write_text(config.read_text().replace('compensation = "on"', 'compensation = "off"', 1))
     result = typed("replay", str(recording), "--config", str(config))
     assert result.returncode == 1
     first = result.stderr.splitlines()[0]

@@ -29,6 +29,7 @@ drive = "{drive}"
 counts_per_unit = 1000.0
 travel = [0.0, 100.0]
 referenced = "absolute"
+compensation = "on"
 table = "x.tab"
 """
 # Line ends and an end of file as DOS has them.

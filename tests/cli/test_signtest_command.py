@@ -24,6 +24,7 @@ counts_per_unit = 1000.0
 machine_offset = 100.0
 travel = [0.0, 200.0]
 referenced = "absolute"
+compensation = "on"
 table = "x.tab"
 registers.command = [{ address = 100, type = "int32" }]
 
@@ -34,6 +35,7 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [0.0, 200.0]
 referenced = "absolute"
+compensation = "on"
 registers.command = [{ address = 100, type = "int32" }]
 """
 TABLE = """CNC10 TAB FILE VERSION 3

@@ -31,6 +31,7 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [-300.0, 0.0]
 table = "cnc10x.tab"
+compensation = "on"
 referenced = "drive-bit"
 max_speed = 200.0
 

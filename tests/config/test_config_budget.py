@@ -53,7 +53,7 @@ def test_a_deadline_that_cannot_be_met_is_refused(tmp_path: Path) -> None:
 
 def test_one_silent_drive_on_a_line_of_two_is_warned_of_with_the_defaults(tmp_path: Path) -> None:
     second = GOOD[GOOD.index("[axis.x]") :].replace("axis.x", "axis.y").replace("unit_id = 1", "unit_id = 2")
-    text = GOOD + second.replace('table = "cnc10x.tab"\n', "")
+    text = GOOD + second.replace('table = "cnc10x.tab"\ncompensation = "on"\n', "")
     [warning] = loaded(tmp_path, text).warnings
     assert (warning.key, warning.line) == (
         "line.xyz.controllers[1].timeout_ms",

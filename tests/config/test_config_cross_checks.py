@@ -23,6 +23,7 @@ units = "mm"
 counts_per_unit = 1000
 travel = [0, 100]
 referenced = "absolute"
+compensation = "on"
 registers.command = [{ address = 0x0700, type = "int32" }]
 """
 
@@ -173,7 +174,7 @@ def test_cut_through_is_for_a_line_between_two_serial_ports(tmp_path: Path, text
 def test_an_axis_that_is_to_be_corrected_and_has_no_table_is_warned_of(
     tmp_path: Path, mode: str, *, warned: bool
 ) -> None:
-    text = edited(('table = "cnc10x.tab"\n', mode))
+    text = edited(('table = "cnc10x.tab"\ncompensation = "on"\n', mode))
     warnings = loaded(tmp_path, text).warnings
     assert [each.key for each in warnings] == (["axis.x.compensation"] if warned else [])
     if warned:

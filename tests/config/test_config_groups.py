@@ -16,6 +16,7 @@ counts_per_unit = 1000
 travel = [-300, 0]
 table = "y.tab"
 referenced = "absolute"
+compensation = "on"
 registers.command = [{ address = 0x0700, type = "int32" }]
 registers.actual = [{ address = 0x0800, type = "int32" }]
 """
@@ -97,8 +98,8 @@ def test_a_group_has_two_axes(tmp_path: Path) -> None:
     [
         ('line = "xyz"\nunit_id = 2', 'line = "b"\nunit_id = 2', 'x has line = "xyz", y has line = "b"'),
         (
-            'table = "y.tab"',
-            'table = "y.tab"\ncompensation = "shadow"',
+            'compensation = "on"\nregisters.command = [{ address = 0x0700',
+            'compensation = "shadow"\nregisters.command = [{ address = 0x0700',
             'x has compensation = "on", y has compensation = "shadow"',
         ),
         ('table = "y.tab"\n', "", "x has a table, y has no table"),

@@ -13,7 +13,7 @@ DISTANCES = 'mode = { source = "sticky", address = 4, absolute = [1], relative_t
 STANDS = (("bits.done = { address = 0x0140, bit = 1 }\n", ""),)
 ACTUAL = 'actual = [{ address = 0x0520, type = "int32", words = "low-first" }]\n'
 WITHOUT_ACTUAL = (ACTUAL, "")
-WITHOUT_TABLE = ('table = "cnc10x.tab"\n', "")
+WITHOUT_TABLE = ('table = "cnc10x.tab"\ncompensation = "on"\n', "")
 NEVER = ("max_speed = 200.0", 'added_frames = "never"')
 ABSOLUTE = ('"drive-bit"', '"absolute"')
 

@@ -123,7 +123,6 @@ max_slope = 0.02
 max_speed = 150
 fresh_ms = 5
 home_approach = "backward"
-compensation = "shadow"
 added_frames = "never"
 """
 
@@ -133,6 +132,7 @@ def test_an_axis_that_says_everything(tmp_path: Path) -> None:
         ("max_speed = 200.0", EVERYTHING),
         ("counts_per_unit = 1000.0", "counts_per_unit = -2000"),
         ('referenced = "drive-bit"', 'referenced = "absolute"'),
+        ('compensation = "on"', 'compensation = "shadow"'),
     )
     text += 'commanded = [{ address = 0x0530, type = "float32", scale = 10 }]\n'
     text += 'exception = "nothing-written"\nsafe_read = false\nchecks_crc = false\nmax_registers = 10\n'

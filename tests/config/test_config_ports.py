@@ -50,6 +50,7 @@ units = "mm"
 counts_per_unit = 1000
 travel = [0, 100]
 referenced = "drive-bit"
+compensation = "on"
 """
 
 

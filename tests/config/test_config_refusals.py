@@ -68,7 +68,7 @@ WRONG = [
         ["did you mean distance?"],
     ),
     ("max_speed = 200.0", 'home_approach = "up"', "axis.x.home_approach", ['"forward"', '"backward"']),
-    ("max_speed = 200.0", 'compensation = "yes"', "axis.x.compensation", ['"on", "shadow" or "off"']),
+    ('compensation = "on"', 'compensation = "yes"', "axis.x.compensation", ['"on", "shadow" or "off"']),
     (
         "max_speed = 200.0",
         'backlash = { width = 0, kind = "two-sided" }',

@@ -111,7 +111,8 @@ def test_a_no_to_the_first_question_ends_it(tmp_path: Path, no: str) -> None:
 
 def test_it_asks_for_everything_that_is_missing(tmp_path: Path) -> None:
     answers = (
-        "y\nmill-7\n./mine.toml\n127.0.0.1:5020\n127.0.0.1:1502\n7\ninch\n25400\nabsolute\n0\n12\nforward\n\n"
+        "y\nmill-7\nx\n./mine.toml\n127.0.0.1:5020\n127.0.0.1:1502\n"
+        "7\ninch\n25400\nabsolute\n0\n12\nforward\n\nn\n"
     )
     result = run(tmp_path, "--ask", answers=answers)
     assert result.exit_code == 0, result.stderr
@@ -181,6 +182,7 @@ def test_a_folder_that_does_not_exist_is_bad_input(tmp_path: Path) -> None:
 ANSWERS = {
     "controller": "y",
     "name": "",
+    "axis": "",
     "drive": "./mine.toml",
     "drives at": "/dev/ttyUSB0",
     "format": "",
@@ -192,6 +194,7 @@ ANSWERS = {
     "travel": "0\n12",
     "home": "",
     "table": "",
+    "another": "",
 }
 
 
@@ -205,6 +208,7 @@ def asked(folder: Path, wrong: dict[str, str]) -> Result:
     ("question", "wrong", "said"),
     [
         ("name", "mill 1", "letters"),
+        ("axis", "x]", "letters"),
         ("format", "fast", 'as in "115200 8E1"'),
         ("format", "57600 7E1", 'as in "115200 8E1"'),
         ("referenced", "always", 'allowed: "absolute"'),
@@ -262,7 +266,7 @@ def test_the_drives_are_listed_above_the_question(tmp_path: Path) -> None:
 
 def test_a_wrong_option_is_explained_and_asked_for_where_somebody_can_be_asked(tmp_path: Path) -> None:
     arguments = [part.replace("127.0.0.1:5020", "banana") for part in options()]
-    result = run(tmp_path, *arguments, "--ask", answers="\n127.0.0.1:5020\n\n\n\n")
+    result = run(tmp_path, *arguments, "--ask", answers="\n\n127.0.0.1:5020\n\n\n\n\n")
     assert result.exit_code == 0, result.stderr
     assert '--drives-at: found "banana"' in result.stderr
 
@@ -404,6 +408,115 @@ def test_ctrl_c_at_a_question_ends_it_with_nothing_written(tmp_path: Path) -> No
     assert said.endswith(b"nothing was written\n")
     assert b"Traceback" not in said
     assert list(tmp_path.iterdir()) == []
+
+
+SECOND = {
+    "axis": "y",
+    "drive": "",
+    "unit id": "8",
+    "units": "",
+    "counts": "-2000",
+    "referenced": "",
+    "travel": "-40\n0",
+    "home": "",
+    "table": "y.tab",
+}
+THIRD = {**SECOND, "axis": "z", "drive": "oriental-az", "unit id": "9", "referenced": "absolute", "table": ""}
+
+
+def answered(first: dict[str, str], *further: dict[str, str]) -> str:
+    """Answer for these axes, one after the other."""
+    parts = [[*first.values()][:-1], *([*axis.values()] for axis in further)]
+    return "".join("\ny\n".join("\n".join(part) for part in parts)) + "\nn\n"
+
+
+def test_axes_are_answered_for_one_after_the_other(tmp_path: Path) -> None:
+    result = run(tmp_path, "--ask", answers=answered({**ANSWERS, "home": "forward"}, SECOND, THIRD))
+    assert result.exit_code == 0, result.stderr
+    left = [line for line in result.stdout.splitlines() if "gateway.toml:" in line]
+    assert len(left) == 1, result.stdout
+    assert "axis.y.table: there is no y.tab" in left[0]
+    assert result.stderr.count("Drives at (") == 1
+    assert result.stderr.count("counts of a turn of the motor") == 1
+    axes = tomllib.loads((tmp_path / "gateway.toml").read_text())["axis"]
+    assert [(name, axis["unit_id"], axis["counts_per_unit"]) for name, axis in axes.items()] == [
+        ("x", 7, 1000.0),
+        ("y", 8, -2000.0),
+        ("z", 9, -2000.0),
+    ]
+    # Enter takes what the axis before has.
+    assert [axes[name]["drive"] for name in "xyz"] == ["./mine.toml", "./mine.toml", "oriental-az"]
+    assert [axes[name]["referenced"] for name in "xyz"] == ["drive-bit", "drive-bit", "absolute"]
+    assert [axes[name]["home_approach"] for name in "xyz"] == ["forward"] * 3
+    assert [axes[name].get("table") for name in "xyz"] == [None, "y.tab", None]
+    assert {axis["compensation"] for axis in axes.values()} == {"shadow"}
+    # The first drive decides how the port is set: they hang on one cable.
+    drives = tomllib.loads((tmp_path / "gateway.toml").read_text())["line"]["main"]["drives"]
+    assert (drives["baudrate"], drives["parity"]) == (57600, "even")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"axis": "x\ny"}, 'found "x"; there is an axis x already'),
+        ({"unit id": "7\n8"}, "found 7; axis x has this unit id: each drive has its own"),
+        ({"travel": "0\n-40\n-40\n0"}, "allowed: [lowest, highest], the first below the second"),
+    ],
+)
+def test_what_a_further_axis_cannot_have_is_asked_again(
+    tmp_path: Path, wrong: dict[str, str], said: str
+) -> None:
+    result = run(tmp_path, "--ask", answers=answered(ANSWERS, {**SECOND, **wrong, "table": ""}))
+    assert result.exit_code == 0, result.stderr
+    assert said in result.stderr
+    axes = load(tmp_path / "gateway.toml").plan.lines[0].axes
+    assert [(axis.name, axis.unit_id, axis.settings.travel) for axis in axes] == [
+        ("x", 7, (0.0, 12.0)),
+        ("y", 8, (-40.0, 0.0)),
+    ]
+
+
+def further(*texts: str) -> list[str]:
+    return [part for text in texts for part in ("--another-axis", text)]
+
+
+def test_further_axes_are_options_too(tmp_path: Path) -> None:
+    """As its help shows it; what is left out is as of the axis before."""
+    given = options(home_approach="forward")
+    y = "y,unit-id=4,counts-per-unit=2000,travel=-40:0"
+    z = "z,unit-id=5,counts-per-unit=-1e3,travel=0:5.5,drive=oriental-az"
+    z += ",referenced=absolute,home-approach=none"
+    result = run(tmp_path, *given, *further(y, z), "--no-ask")
+    assert result.exit_code == 0, result.stderr
+    (line,) = load(tmp_path / "gateway.toml").plan.lines
+    assert [(a.name, a.unit_id, a.settings.counts_per_unit, a.settings.travel) for a in line.axes] == [
+        ("x", 3, -1000.0, (-300.0, 0.0)),
+        ("y", 4, 2000.0, (-40.0, 0.0)),
+        ("z", 5, -1000.0, (0.0, 5.5)),
+    ]
+    axes = tomllib.loads((tmp_path / "gateway.toml").read_text())["axis"]
+    assert [axes[name]["drive"] for name in "xyz"] == ["./mine.toml", "./mine.toml", "oriental-az"]
+    assert [axes[name]["home_approach"] for name in "xyz"] == ["forward", "forward", "none"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("y", "unit-id of --another-axis y, counts-per-unit of --another-axis y, travel of --another-axis y"),
+        ("y,unit=4", 'found "unit=4"; allowed: KEY=VALUE with drive, unit-id'),
+        ("y,unit-id=four", 'found "unit-id=four"; allowed: a whole number'),
+        ("y,travel=5", 'found "travel=5"; allowed: LOWEST:HIGHEST, as in travel=-300:0'),
+        ("y,unit-id=4,unit-id=5", "unit-id stands there twice"),
+        ("x,unit-id=4,counts-per-unit=1,travel=0:5", "there is an axis x already"),
+        ("y,unit-id=3,counts-per-unit=1,travel=0:5", "axis x has this unit id"),
+        ("y,unit-id=4,counts-per-unit=0,travel=0:5", "allowed: a number other than 0"),
+    ],
+)
+def test_a_wrong_further_axis_is_wrong_usage(tmp_path: Path, text: str, said: str) -> None:
+    result = run(tmp_path, *options(), *further(text), "--no-ask")
+    assert result.exit_code == 2
+    assert said in " ".join(result.stderr.replace("│", " ").split())
+    assert not (tmp_path / "gateway.toml").exists()
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root writes for another user")

@@ -60,7 +60,23 @@ def drives() -> Iterator[Drives]:
 def answers(folder: Path, port: str, *given: str) -> tuple[int, str]:
     (folder / "mine.toml").write_text(OWN)
     arguments = ["init", str(folder / "gateway.toml"), "--controller-compensation-off", "--scan", *given]
-    typed = [port, "y", "", "127.0.0.1:1502", "3", "mm", "1000", "absolute", "0", "12", "none", "", "n"]
+    typed = [
+        "",
+        port,
+        "y",
+        "",
+        "127.0.0.1:1502",
+        "3",
+        "mm",
+        "1000",
+        "absolute",
+        "0",
+        "12",
+        "none",
+        "",
+        "n",
+        "n",
+    ]
     fixed = ["--name", "desk", "--drive", "./mine.toml"]
     result = CliRunner().invoke(app, [*arguments, *fixed], input="\n".join(typed) + "\n")
     return result.exit_code, result.stderr

@@ -50,7 +50,7 @@ def of_known_drives() -> tuple[AxisPlan, ...]:
         text += (
             f'[axis.a{number}]\nline = "l"\nunit_id = {number}\ndrive = "{name}"\nunits = "mm"\n'
             "counts_per_unit = 1000.0\ntravel = [-300.0, 300.0]\nmax_speed = 200.0\n"
-            'referenced = "absolute"\n'
+            'referenced = "absolute"\ncompensation = "on"\n'
         )
     with TemporaryDirectory() as folder:
         path = Path(folder, "gateway.toml")

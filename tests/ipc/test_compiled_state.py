@@ -54,6 +54,7 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [0.0, 100.0]
 referenced = "absolute"
+compensation = "on"
 table = "x.tab"
 backlash = { width = 0.02, kind = "two-sided" }
 gain = { forward = 1.0, backward = 0.5 }

@@ -121,8 +121,10 @@ class Machine:
         return self.folder / "gateway.toml"
 
     def configure(self, more: str = "") -> None:
-        """Write the configuration; ``more`` are further lines of the axis."""
-        text = CONFIG.format(drives=self._server.port, controller=self.controller, axis=more + self._axis)
+        """Write the configuration; ``more`` are further lines of the axis. It is corrected by default."""
+        lines = more + self._axis
+        mode = "" if "compensation = " in lines else 'compensation = "on"\n'
+        text = CONFIG.format(drives=self._server.port, controller=self.controller, axis=mode + lines)
         self.config.write_text(text)
 
     async def lose_drive(self) -> None:

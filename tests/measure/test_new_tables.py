@@ -31,6 +31,7 @@ unit_id = 1
 units = "mm"
 counts_per_unit = 10000.0
 referenced = "absolute"
+compensation = "on"
 registers.command = [{{ address = 100, type = "int32" }}]
 table = "x.csv"
 table_options = {{ {options} }}

@@ -128,6 +128,7 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [0.0, 100.0]
 referenced = "absolute"
+compensation = "on"
 registers.command = [{ address = 0x0100, type = "int32" }]
 """
 

@@ -28,6 +28,7 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [0.0, 100.0]
 referenced = "absolute"
+compensation = "on"
 table = "x.tab"
 registers.command = [{ address = 100, type = "int32" }]
 """

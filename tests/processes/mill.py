@@ -46,6 +46,7 @@ travel = [{low}, {high}]
 max_speed = 50.0
 budget_us = 1000000
 referenced = "absolute"
+compensation = "on"
 table = "cnc10{name}.tab"
 registers.command = [{{ address = 100, type = "int32" }}]
 registers.actual = [{{ address = 200, type = "int32" }}]

@@ -55,6 +55,7 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [0.0, 100.0]
 referenced = "drive-bit"
+compensation = "on"
 table = "{name}.tab"
 budget_us = 1000000
 registers.command = [{{ address = 100, type = "int32" }}]

@@ -187,8 +187,8 @@ def test_a_wrong_configuration_changes_nothing_and_tables_go_on(site: Site) -> N
 
 def test_a_dry_run_ends_with_a_reload_and_comes_back_with_a_restart_only(site: Site) -> None:
     config, on = str(site.config), site.config.read_text()
-    assert 'compensation = "' not in on
-    shadow = on.replace('table = "x.tab"', 'table = "x.tab"\ncompensation = "shadow"')
+    assert on.count('compensation = "on"') == 1
+    shadow = on.replace('compensation = "on"', 'compensation = "shadow"')
     site.config.write_text(shadow)
     with gateway_of(site) as (gateway, master):
         assert master.move(50_000) == 50_000
@@ -211,9 +211,26 @@ def test_a_dry_run_ends_with_a_reload_and_comes_back_with_a_restart_only(site: S
     assert [note["axes"] for note in gateway.notes if note["event"] == "dry-run-ended"] == [["x"]]
 
 
+def test_the_line_that_the_warning_of_a_missing_mode_names_can_be_written_while_it_runs(site: Site) -> None:
+    config, on = str(site.config), site.config.read_text()
+    site.config.write_text(on.replace('compensation = "on"\n', ""))
+    with gateway_of(site) as (gateway, master):
+        assert master.move(50_000) == 50_050
+        checked = typed("check", config)
+        assert checked.returncode == 0
+        assert "axis.x.compensation: missing: the axis is corrected with its table, as with" in checked.stderr
+        assert 'write compensation = "on" below [axis.x]' in checked.stderr
+        site.config.write_text(on)
+        done = typed("reload", config)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "in force now: axis.x.compensation\n", "")
+        assert master.move(60_000) == 60_060
+        assert gateway.end() == 0
+    assert "missing" not in typed("check", config).stderr
+
+
 def test_a_dry_run_that_cannot_end_yet_is_not_said_to_have_ended(site: Site) -> None:
     config, on = str(site.config), site.config.read_text()
-    site.config.write_text(on.replace('table = "x.tab"', 'table = "x.tab"\ncompensation = "shadow"'))
+    site.config.write_text(on.replace('compensation = "on"', 'compensation = "shadow"'))
     with gateway_of(site) as (gateway, master):
         assert master.move(50_000) == 50_000
         site.drive.is_silent = True

@@ -14,6 +14,7 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [-50.0, 150.0]
 referenced = "absolute"
+compensation = "on"
 table = "{table}"
 registers.command = [{{ address = 100, type = "int32" }}]
 {settings}

@@ -20,6 +20,7 @@ units = "{units}"
 counts_per_unit = {counts_per_unit}
 travel = {travel}
 referenced = "absolute"
+compensation = "on"
 table = "{table}"
 table_options = {{ {options} }}
 registers.command = [{{ address = 100, type = "int32" }}]

@@ -56,6 +56,7 @@ unit_id = {unit_id}
 units = "mm"
 counts_per_unit = 1000.0
 referenced = "absolute"
+compensation = "on"
 setpoints = "stream"
 travel = [0.0, 100.0]
 max_speed = 60.0

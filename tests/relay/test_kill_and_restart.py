@@ -45,6 +45,7 @@ units = "mm"
 counts_per_unit = {counts_per_unit}
 travel = [0.0, 100.0]
 referenced = "absolute"
+compensation = "on"
 table = "{axis}.tab"
 setpoints = "{setpoints}"
 max_speed = 200.0

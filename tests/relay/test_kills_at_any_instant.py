@@ -55,6 +55,7 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [0.0, 100.0]
 referenced = "{referenced}"
+compensation = "on"
 table = "x.tab"
 setpoints = "stream"
 home_approach = "forward"

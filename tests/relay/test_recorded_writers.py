@@ -42,6 +42,7 @@ units = "mm"
 counts_per_unit = 1000.0
 travel = [0.0, 100.0]
 referenced = "absolute"
+compensation = "on"
 registers.command = [{ address = 100, type = "int32" }]
 """
 

@@ -105,7 +105,7 @@ def _axis(axis: RigAxis, *, corrected: bool) -> str:
         home_approach=spec.home_direction.name.lower(),
     )
     if corrected:
-        return text + f'table = "{table_name(axis.spec)}"\n'
+        return text + f'table = "{table_name(axis.spec)}"\ncompensation = "on"\n'
     return text + 'compensation = "off"\n'
 
 

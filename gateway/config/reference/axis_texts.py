@@ -66,7 +66,11 @@ AXIS: Final[Texts] = {
         more="See below",
     ),
     "compensation": Said(
-        meaning="`shadow` computes and shows everything and writes 1:1",
+        meaning=(
+            "`on` corrects. `shadow` computes and shows corrections and passes positions unchanged: begin "
+            "with it. `off` does neither. Write the key: where an axis with a table leaves it out, the axis "
+            "is corrected, and `check` and each start warn"
+        ),
     ),
     "referenced": Said(
         more="See below",

@@ -1,7 +1,7 @@
 """Taking commands as they come, carrying them out one after the other, and answering each of them.
 
-Nothing is dropped in silence: commands that come too fast are counted, and the last of them is named. A
-``disable`` is never one of those, unless ``MOST_WAITING`` commands wait for their turn.
+Nothing is dropped in silence: commands that come too fast are counted, and the last of them is named. One
+that switches off is never one of those, unless ``MOST_WAITING`` commands wait for their turn.
 """
 
 import asyncio

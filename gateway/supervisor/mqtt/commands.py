@@ -37,6 +37,10 @@ class _OnAxes(_Asked, frozen=True, kw_only=True):
         return () if self.axes == "all" else self.axes
 
 
+class _Switch(_OnAxes, frozen=True, kw_only=True):
+    on: bool
+
+
 class _Gain(_OnAxes, frozen=True, kw_only=True):
     forward: Share
     backward: Share
@@ -46,12 +50,14 @@ _FORMS: Final[dict[str, type[_Asked]]] = {
     "reload": _Asked,
     "enable": _OnAxes,
     "disable": _OnAxes,
+    "switch": _Switch,
     "gain": _Gain,
 }
 _RULES: Final = {
     "reload": "allowed: nothing, or {}",
     "enable": 'allowed: {"axes": ["x"]}, or {"axes": "all"}',
     "disable": 'allowed: {"axes": ["x"]}, or {"axes": "all"}',
+    "switch": 'allowed: {"axes": ["x"], "on": true or false}, or "axes": "all"',
     "gain": 'allowed: {"axes": ["x"], "forward": 0 to 1, "backward": 0 to 1}, or "axes": "all"',
 }
 
@@ -151,7 +157,8 @@ async def _do(asked: _Asked, command: str, orders: Orders, answer: Answer) -> No
         case _Gain():
             request = SetGain(axes=asked.names, forward=asked.forward, backward=asked.backward)
         case _OnAxes():
-            request = Enable(axes=asked.names) if command == "enable" else Disable(axes=asked.names)
+            is_on = asked.on if isinstance(asked, _Switch) else command == "enable"
+            request = Enable(axes=asked.names) if is_on else Disable(axes=asked.names)
         case _:
             outcome = await orders.reload()
             answer.comes, answer.keys = dict(outcome.comes), outcome.changed
@@ -166,12 +173,17 @@ async def _do(asked: _Asked, command: str, orders: Orders, answer: Answer) -> No
 
 def disabled_axes(command: str, payload: bytes) -> frozenset[str] | None:
     """Return which axes a command switches off, none of them named: all; None where it is another command."""
-    if command != "disable" or len(payload) > LONGEST_PAYLOAD:
+    if len(payload) > LONGEST_PAYLOAD:
         return None
     try:
-        return frozenset(msgspec.json.decode(payload or b"{}", type=_OnAxes).names)
+        if command == "disable":
+            return frozenset(msgspec.json.decode(payload or b"{}", type=_OnAxes).names)
+        if command == "switch":
+            asked = msgspec.json.decode(payload or b"{}", type=_Switch)
+            return None if asked.on else frozenset(asked.names)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
+    return None
 
 
 def shown_payload(payload: bytes) -> str:

@@ -6,10 +6,13 @@ https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery; the four that t
 their short forms (``dev``, ``o``, ``cmps``, ``p``), as that page shows them.
 
 What ``thermal`` and ``cross`` add to an axis is described by a message of its own, for the same device: an
-entity that a later message leaves out would stay there, one whose message is taken away goes.
+entity that a later message leaves out would stay there, one whose message is taken away goes. For the same
+reason buttons and switches, which are there only while commands are allowed, have messages of their own.
 """
 
+import json
 from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, metadata
 from math import ceil
 from typing import Any, Final
 
@@ -26,6 +29,17 @@ VERDICTS: Final = tuple(state.value for state in State)
 UNITS: Final = {"mm": "mm", "inch": "in", "degree": "°"}
 """As Home Assistant writes them; the first two are units of its class ``distance``."""
 
+
+def _project_url() -> str:
+    """Return where the project can be found, as pyproject.toml says; empty where it is not installed."""
+    try:
+        named = metadata(MAKER).get_all("Project-URL") or []
+    except PackageNotFoundError:
+        return ""
+    return next((url.partition(", ")[2] for url in named), "")
+
+
+SUPPORT_URL: Final = _project_url()
 _RELAY_UP: Final = "value_json.relay == 'up'"
 
 
@@ -33,13 +47,18 @@ def discovery_messages(settings: Settings, model: Payload) -> dict[str, Payload]
     """Return the description of each device, by topic; none where discovery is off."""
     if not settings.discovery:
         return {}
-    found = {_topic(settings, "gateway"): _gateway(settings, model)}
+    found = {_topic(settings, "gateway"): _gateway(settings, model, _gateway_components(settings))}
+    if settings.allows_commands:
+        found[_topic(settings, "commands")] = _gateway(settings, model, _gateway_commands(settings))
     for name, axis in model["axes"].items():
         components = _axis_components(settings, name, axis["units"])
         found[_topic(settings, f"axis_{name}")] = _axis(settings, model, name, components)
         if terms := axis.get("terms"):
             components = _term_components(settings, name, axis["units"], terms)
             found[_topic(settings, f"terms_{name}")] = _axis(settings, model, name, components)
+        if settings.allows_commands:
+            components = _axis_commands(settings, name)
+            found[_topic(settings, f"commands_{name}")] = _axis(settings, model, name, components)
     return found
 
 
@@ -47,9 +66,8 @@ def _topic(settings: Settings, device: str) -> str:
     return f"{settings.discovery}/device/{settings.topics.id}/{device}/config"
 
 
-def _gateway(settings: Settings, model: Payload) -> Payload:
+def _gateway(settings: Settings, model: Payload, components: Payload) -> Payload:
     topics = settings.topics
-    worst = "value_json.troubles[0]"
     return {
         **_about(model),
         "dev": {
@@ -60,40 +78,79 @@ def _gateway(settings: Settings, model: Payload) -> Payload:
             "sw_version": model["gateway"]["version"],
         },
         "availability": [{"topic": topics.availability}],
-        "cmps": {
-            "relay": _binary(
-                topics.id,
-                "relay",
-                "Relay",
-                topics.info,
-                condition=_RELAY_UP,
-                more={"device_class": "running", "entity_category": "diagnostic"},
-            ),
-            "problem": _binary(
-                topics.id,
-                "problem",
-                "Problem",
-                topics.info,
-                condition="value_json.troubles",
-                more={
-                    "device_class": "problem",
-                    "json_attributes_topic": topics.info,
-                    "json_attributes_template": "{{ {'troubles': value_json.troubles} | tojson }}",
-                },
-            ),
-            "verdict": {
-                **_choice(topics.id, "verdict", "Verdict", topics.info, options=VERDICTS, more={}),
-                "value_template": "{{ value_json.verdict.state }}",
+        "cmps": components,
+    }
+
+
+def _gateway_components(settings: Settings) -> dict[str, Any]:
+    topics = settings.topics
+    worst = "value_json.troubles[0]"
+    return {
+        "relay": _binary(
+            topics.id,
+            "relay",
+            "Relay",
+            topics.info,
+            condition=_RELAY_UP,
+            more={"device_class": "running", "entity_category": "diagnostic"},
+        ),
+        "problem": _binary(
+            topics.id,
+            "problem",
+            "Problem",
+            topics.info,
+            condition="value_json.troubles",
+            more={
+                "device_class": "problem",
+                "json_attributes_topic": topics.info,
+                "json_attributes_template": "{{ {'troubles': value_json.troubles} | tojson }}",
             },
-            "trouble": {
-                **_entity(topics.id, "sensor", "trouble", "Worst problem"),
-                "state_topic": topics.info,
-                # A state has at most 255 characters.
-                "value_template": f"{{{{ ({worst}.where ~ ': ' ~ {worst}.what)[:250] "
-                "if value_json.troubles else 'none' }}",
-                "icon": "mdi:alert-circle-outline",
-            },
+        ),
+        "verdict": {
+            **_choice(topics.id, "verdict", "Verdict", topics.info, options=VERDICTS, more={}),
+            "value_template": "{{ value_json.verdict.state }}",
         },
+        "trouble": {
+            **_entity(topics.id, "sensor", "trouble", "Worst problem"),
+            "state_topic": topics.info,
+            # A state has at most 255 characters.
+            "value_template": f"{{{{ ({worst}.where ~ ': ' ~ {worst}.what)[:250] "
+            "if value_json.troubles else 'none' }}",
+            "icon": "mdi:alert-circle-outline",
+        },
+    }
+
+
+def _gateway_commands(settings: Settings) -> dict[str, Any]:
+    topics = settings.topics
+    return {
+        "reload": {
+            **_entity(topics.id, "button", "reload", "Reload configuration and tables"),
+            "command_topic": topics.command("reload"),
+            "payload_press": "{}",
+            "entity_category": "config",
+            "icon": "mdi:reload",
+        }
+    }
+
+
+def _axis_commands(settings: Settings, name: str) -> dict[str, Any]:
+    """Return the switch of an axis. It shows what the axis does, not what was asked."""
+
+    def order(*, is_on: bool) -> str:
+        return json.dumps({"axes": [name], "on": is_on})
+
+    return {
+        "switch": {
+            **_entity(_device(settings, name), "switch", "switch", "Compensation switch"),
+            "state_topic": settings.topics.axis(name),
+            "value_template": "{{ 'OFF' if value_json.compensation == 'off' else 'ON' }}",
+            "state_on": "ON",
+            "state_off": "OFF",
+            "command_topic": settings.topics.command("switch"),
+            "payload_on": order(is_on=True),
+            "payload_off": order(is_on=False),
+        }
     }
 
 
@@ -216,7 +273,8 @@ def _at(place: str, entity: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _about(model: Payload) -> dict[str, Any]:
-    return {"o": {"name": MAKER, "sw_version": model["gateway"]["version"]}, "qos": 1}
+    support = {"support_url": SUPPORT_URL} if SUPPORT_URL else {}
+    return {"o": {"name": MAKER, "sw_version": model["gateway"]["version"], **support}, "qos": 1}
 
 
 def _entity(device: str, platform: str, key: str, name: str) -> dict[str, Any]:

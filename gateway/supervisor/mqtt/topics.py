@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-COMMANDS: Final = ("reload", "enable", "disable", "gain")
+COMMANDS: Final = ("reload", "enable", "disable", "switch", "gain")
 
 _NOT_IN_AN_ID: Final = re.compile(r"[^A-Za-z0-9_-]")
 
@@ -52,6 +52,10 @@ class Topics:
     def commands(self) -> str:
         """Filter of everything that may be commanded."""
         return f"{self.root}/command/+"
+
+    def command(self, command: str) -> str:
+        """One of ``COMMANDS``."""
+        return f"{self.root}/command/{command}"
 
     def command_in(self, topic: str) -> str:
         """Return which command a topic that :attr:`commands` matches is."""

@@ -42,6 +42,8 @@ async def answered(
         ("enable", {"axes": ["x", "y"]}, Enable(axes=("x", "y"))),
         ("enable", {"axes": "all"}, Enable(axes=())),
         ("disable", {"axes": ["x"], "id": 7}, Disable(axes=("x",))),
+        ("switch", {"axes": ["x"], "on": True}, Enable(axes=("x",))),
+        ("switch", {"axes": "all", "on": False}, Disable(axes=())),
         (
             "gain",
             {"axes": ["x"], "forward": 1, "backward": 0.5},
@@ -77,13 +79,15 @@ async def test_a_command_becomes_a_request(command: str, payload: dict[str, Any]
         ("disable", b"off", "malformed"),
         ("disable", b"\xff\xfe", "malformed"),
         ("disable", b"[" * 4000, "allowed:"),
+        ("switch", b'{"axes": ["x"]}', "missing required field `on`"),
+        ("switch", b'{"axes": ["x"], "on": "false"}', 'allowed: {"axes": ["x"], "on": true or false}'),
         ("gain", b'{"axes": ["x"], "forward": 1.5, "backward": 1}', "forward"),
         ("gain", b'{"axes": ["x"], "forward": 1}', "backward"),
         ("gain", b'{"axes": ["x"], "forward": NaN, "backward": 1}', "malformed"),
         ("gain", b'{"axes": ["x"], "forward": true, "backward": 1}', "forward"),
         ("reload", b'{"now": true}', "unknown field `now`"),
         ("enable", b" " * 5000, "more than 4096 bytes"),
-        ("move", b"{}", "there is no command move; there are reload, enable, disable, gain"),
+        ("move", b"{}", "there is no command move; there are reload, enable, disable, switch, gain"),
     ],
 )
 async def test_what_is_malformed_is_refused_with_what_is_allowed(
@@ -263,8 +267,11 @@ FLOOD = 3000
 
 
 @VERSIONS
+@pytest.mark.parametrize(
+    ("name", "off"), [("disable", {"axes": ["x"]}), ("switch", {"axes": ["x"], "on": False})]
+)
 async def test_behind_a_flood_a_disable_is_carried_out_and_everything_else_counted(
-    tmp_path: Path, version: str
+    tmp_path: Path, version: str, name: str, off: dict[str, Any]
 ) -> None:
     """Reloads that take long: all that comes meanwhile waits, or is counted and named."""
     with broker_in(tmp_path, ANYBODY + "max_queued_messages 0\n") as broker:
@@ -274,7 +281,7 @@ async def test_behind_a_flood_a_disable_is_carried_out_and_everything_else_count
             go_on = site.hold_reloads()
             for number in range(FLOOD):
                 await command(watcher, "reload", {"id": number})
-            await command(watcher, "disable", {"axes": ["x"], "id": "off"})
+            await command(watcher, name, {**off, "id": "off"})
             told = await site.until_said("mqtt-commands-too-many")
             go_on.set()
             answer = await answer_to(watcher, "off")

@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from gateway.compensation.units import Units
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
+from gateway.ipc.messages import Disable, Enable
 from gateway.supervisor.mqtt.discovery import TABLE, UNITS, discovery_messages
 from gateway.supervisor.mqtt.messages import Payload, moving_message, moving_topics, retained_messages
 from gateway.supervisor.mqtt.settings import Settings
@@ -179,6 +181,82 @@ async def test_what_is_added_goes_from_the_broker_when_an_axis_has_it_no_more(tm
                 await watcher.until(topic, lambda payload: not payload)
     assert data_of(payload_of(there))["cmps"]["temperature"]["p"] == "sensor"
     assert data_of(payload_of(moving))["terms"] == terms()
+
+
+COMMANDS_OF_X = {f"{DEVICES}/commands/config", f"{DEVICES}/commands_x/config"}
+
+
+def test_buttons_and_switches_are_there_only_where_commands_are_allowed(tmp_path: Path) -> None:
+    without = discovery_messages(given(tmp_path), model())
+    told = discovery_messages(given(tmp_path, commands=True), model())
+    assert set(told) - set(without) == COMMANDS_OF_X
+    assert {topic: told[topic] for topic in without} == without
+    for topic, payload in told.items():
+        assert TOPIC.fullmatch(topic), topic
+        jsonschema.validate(json.loads(json.dumps(payload)), SCHEMA)
+    # Of the same devices, and with ids of their own.
+    for commands, of in (("commands", "gateway"), ("commands_x", "axis_x")):
+        assert {**told[f"{DEVICES}/{commands}/config"], "cmps": None} == {
+            **told[f"{DEVICES}/{of}/config"],
+            "cmps": None,
+        }
+    ids = [one["unique_id"] for payload in told.values() for one in payload["cmps"].values()]
+    assert len(ids) == len(set(ids))
+
+
+@pytest.mark.parametrize("state", COMPENSATION_STATES)
+def test_the_switch_shows_whether_the_axis_is_off(tmp_path: Path, state: str) -> None:
+    told = discovery_messages(given(tmp_path, commands=True), model())
+    switch = told[f"{DEVICES}/commands_x/config"]["cmps"]["switch"]
+    shown = rendered(switch["value_template"], {"compensation": state})
+    assert shown == (switch["state_off"] if state == "off" else switch["state_on"])
+
+
+async def test_what_a_button_and_a_switch_send_is_carried_out(tmp_path: Path) -> None:
+    """As Home Assistant sends it: the payload of the description to its topic."""
+    with broker_in(tmp_path) as broker:
+        told = settings(broker.port, tmp_path, discovery="homeassistant", commands=True)
+        async with publishing(told, tmp_path) as site, watching(broker.port) as watcher:
+            site.feeds.publish(model())
+            described = [
+                data_of(payload_of(await watcher.until(topic)))["cmps"] for topic in sorted(COMMANDS_OF_X)
+            ]
+            await site.until_said("mqtt-connected")
+            reload, switch = described[0]["reload"], described[1]["switch"]
+            for number, (entity, payload) in enumerate(
+                ((switch, "payload_off"), (switch, "payload_on"), (reload, "payload_press")), start=1
+            ):
+                await watcher.client.publish(entity["command_topic"], entity[payload], qos=1)
+                answer = await site.until_said("mqtt-command", number)
+                assert answer["result"] == "done"
+    assert site.asked == [Disable(axes=("x",)), Enable(axes=("x",))]
+    assert site.reloads == 1
+
+
+async def test_buttons_and_switches_go_from_the_broker_when_commands_are_switched_off(tmp_path: Path) -> None:
+    with broker_in(tmp_path) as broker:
+        told = settings(broker.port, tmp_path, discovery="homeassistant", commands=True)
+        without = settings(broker.port, tmp_path, discovery="homeassistant")
+        async with publishing(told, tmp_path) as site, watching(broker.port, "homeassistant/#") as watcher:
+            site.feeds.publish(model())
+            for topic in sorted(COMMANDS_OF_X):
+                await watcher.until(topic, lambda payload: payload != b"")
+            site.service.follow(without)  # as a reload does
+            site.feeds.publish(model())
+            for topic in sorted(COMMANDS_OF_X):
+                await watcher.until(topic, lambda payload: payload == b"")
+            async with watching(broker.port, "homeassistant/#") as later:
+                for topic in sorted(discovery_messages(without, model())):
+                    if topic not in later.topics():
+                        await later.until(topic)
+    assert later.topics() == set(discovery_messages(without, model()))
+
+
+def test_the_project_s_address_is_that_of_pyproject(tmp_path: Path) -> None:
+    """Declared once: what was built says it."""
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"]
+    origins = [payload["o"] for payload in found(tmp_path).values()]
+    assert {origin["support_url"] for origin in origins} == {project["urls"]["Source"]}
 
 
 def rendered(template: str, value: Payload) -> str:
