@@ -155,7 +155,7 @@ REMARKS: Final = (
     RemarkEntry(
         "R10",
         "warning",
-        "nothing in the file says how many values it should have (Aerotech)",
+        "nothing in the file says how many values it should have (Aerotech), or how many points (Weihong)",
         "compare the number of points with the original",
     ),
     RemarkEntry(

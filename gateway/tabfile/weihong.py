@@ -24,6 +24,7 @@ from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
+from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.ranges import context_in_file_units
 from gateway.tabfile.senses import RULES, required_sense
 from gateway.tabfile.stated import check_stated
@@ -58,7 +59,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         TabFileError: a line that is not grammar, another unit, positions that do not ascend, no sense was
             told, several axes and none told, a range that does not fit the travel.
     """
-    tables = _parse(source)
+    tables, gaps = _parse(source)
     axis = _choose(source, tables, context)
     context = context_in_file_units(source, context, Units.MM)
     sense = required_sense(source, context, None, _WHAT)
@@ -67,6 +68,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         for x, f, b, line in tables[axis]
     )
     check_stated(source, rows, Units.MM, context)
+    first, last = tables[axis][0][3], tables[axis][-1][3]
     return Decoded(
         rows,
         Units.MM,
@@ -77,15 +79,31 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         axis=axis,
         file_axis=axis,
         plausible=(0.0, _PLAUSIBLE_MM),
+        remarks=tuple(
+            _gap(line) for line in gaps if rows[0].forward_line < line.number < rows[-1].forward_line
+        ),
         decisions=(f"axis {axis} of {listed(tables)}", f"sense {sense.value}: told"),
     )
 
 
-def _parse(source: SourceText) -> dict[str, _Points]:
+def _gap(line: Line) -> Lint:
+    return Lint(
+        "R10",
+        Severity.WARNING,
+        "this line between two points holds none, and nothing in the file says how many there must be: was "
+        "one lost here, or left out?",
+        line.number,
+    )
+
+
+def _parse(source: SourceText) -> tuple[dict[str, _Points], list[Line]]:
+    """Return the points of each axis, and the lines between two points that hold none."""
     tables: dict[str, _Points] = {}
     points: _Points | None = None
     problems: list[Problem] = []
     has_unit = False
+    other: Line | None = None
+    gaps: list[Line] = []
     for line in source.lines:
         unit, axis = _UNIT.fullmatch(line.text), _AXIS.fullmatch(line.text)
         if unit is not None:
@@ -93,7 +111,7 @@ def _parse(source: SourceText) -> dict[str, _Points]:
                 raise source.error(f"unit {shown(unit[1])}", "mm, the only one", line=line.number)
             has_unit = True
         elif not line.text or line.text.startswith(";"):
-            continue
+            other = line
         elif axis is not None:
             name = axis[1].upper()
             if name in tables:
@@ -102,12 +120,14 @@ def _parse(source: SourceText) -> dict[str, _Points]:
         elif points is None:
             problems.append(source.problem(shown(line.text), "unit = mm, then [X]", line=line.number))
         else:
+            if points and other is not None and other.number > points[-1][3]:
+                gaps.append(other)
             problems += _add(source, points, line)
     if problems:
         raise TabFileError(*problems[:MAX_PROBLEMS])
     if not has_unit:
         raise source.error("no unit", "unit = mm, above the tables", line=source.lines[0].number)
-    return tables
+    return tables, gaps
 
 
 def _add(source: SourceText, points: _Points, line: Line) -> list[Problem]:

@@ -78,6 +78,21 @@ def test_what_is_damaged_is_refused_with_its_line(old: str, new: str, words: str
     assert words in refused(text.replace(old, new, 1))
 
 
+@pytest.mark.parametrize("line", ["", ";-100.015, 0.0150, 0.0680"])
+def test_a_line_among_the_points_that_holds_none_is_named(line: str) -> None:
+    lines = WEIHONG.decode().split("\n")
+    lost = "\n".join([*lines[:5], line, *lines[6:]])
+    assert remarks(lost) == [("R10", 6)]
+    between = "\n".join([*lines[:2], "", *lines[2:], "", TWO_AXES[len(WEIHONG) :]])
+    assert remarks(between, file_axis="X") == []
+
+
+def remarks(text: str, **told: object) -> list[tuple[str, int | None]]:
+    told = {"error_sense": AMC, **told}
+    parsed = parse_table(text.encode(), "axeserr.dat", FileContext(**told))  # type: ignore[arg-type]
+    return [(lint.code, lint.line) for lint in parsed.lints if lint.code == "R10"]
+
+
 def test_what_is_written_says_axis_and_unit_and_comes_back_in_its_sense() -> None:
     table = parse_table(WEIHONG, "axeserr.dat", FileContext(error_sense=AMC)).table
     dialect = dialect_named("weihong")
