@@ -18,7 +18,7 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.evaluation import evaluate as iso_230_2
 from gateway.metrology.formats import ReadingsContext
-from gateway.metrology.lead import Period
+from gateway.metrology.lead import Period, longest
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey
 from gateway.metrology.residue import predicted_residue
@@ -100,12 +100,14 @@ def evaluate(
             second = predicted_residue(before, loaded.table)
         results = (iso_230_2(before), iso_230_2(second) if second else None)
         notes = _all_notes((before, second), results, is_predicted=loaded is not None)
-        notes = (*notes, *notes_of(before, counts_per_unit, with_scale=not was_corrected(before.facts)))
+        periods = shared.periods_of_readings(before, lead, period)
+        turn, has_scale = longest(periods), not was_corrected(before.facts)
+        notes = (*notes, *notes_of(before, counts_per_unit, with_scale=has_scale, lead=turn))
         if second is not None and loaded is None:
             notes = (*notes, *(f"after: {note}" for note in notes_of(second, with_scale=False)))
         left_out = None
         if loaded is not None:
-            left_out, warnings = _between(before, loaded, shared.periods_of_readings(before, lead, period))
+            left_out, warnings = _between(before, loaded, periods)
             notes = (*notes, *warnings)
         last = results[1] if results[1] is not None and loaded is None else results[0]
         lines, extra = [], dict[str, object]()
@@ -121,6 +123,7 @@ def evaluate(
             story = replace(_story(before, second, loaded, (*notes, *lines)), left_out=left_out)
             _write_report(report, story, force=force)
     if json:
+        extra |= json_of(before, turn)
         _print_json(before, results, notes, is_predicted=loaded is not None, left_out=left_out, extra=extra)
         return
     print_lines((f"note: {note}" for note in notes), err=True)
@@ -162,7 +165,6 @@ def _print_json(
         {
             "readings": survey.source,
             "understood": understood(survey),
-            **json_of(survey),
             **extra,
             "before": results_json(before),
             "after": shown,
