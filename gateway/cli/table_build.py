@@ -30,6 +30,7 @@ from gateway.metrology.scale import check_scale
 from gateway.metrology.shapes import Fit, LeftOut
 from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
+from gateway.metrology.wrong_runs import settled
 from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, Written, axis_of_name
 
 OWN_OPTIONS: Final = {
@@ -59,7 +60,11 @@ def build(
         float | None, typer.Option(metavar="WINDOW", help="Smooth over this length; says by how much.")
     ] = None,
     drop_outliers: Annotated[
-        bool, typer.Option("--drop-outliers", help="Leave out the readings that are named as outliers.")
+        bool,
+        typer.Option(
+            "--drop-outliers",
+            help="Leave out outliers, and runs that are wrong as a whole.",
+        ),
     ] = False,
     one_way: shared.OneWay = False,
     fit: shared.FitWish = Fit.AUTO,
@@ -101,6 +106,7 @@ def build(
             is_quiet=json,
         )
         check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
+        survey = settled(survey, drop=drop_outliers)
         periods = shared.periods_of_readings(survey, lead, period)
         if not keep_scale:
             try:

@@ -26,6 +26,7 @@ from gateway.metrology.shapes import LeftOut
 from gateway.metrology.uncertainty import budget_of
 from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
+from gateway.metrology.wrong_runs import settled
 from gateway.report.findings import find, other_stretch
 from gateway.report.story import AxisStory, Report
 from gateway.tabfile import LoadedTable
@@ -85,6 +86,7 @@ def evaluate(
     with shared.problems():
         context = ReadingsContext(readings_format, told.units, told.axis, runs)
         before = shared.prepared(shared.read_all(readings, context), to_20c, is_quiet=json)
+        before = settled(before)
         loaded = None
         second = None
         if after:
@@ -92,6 +94,7 @@ def evaluate(
                 before.units
             )
         if second is not None:
+            second = settled(second)
             check_same_axis(before.source, before.axis, second.source, second.axis)
         if table is not None:
             loaded = inspect(table, told.context())

@@ -19,8 +19,9 @@ from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period, may_be_more, shown_by, unseen
 from gateway.metrology.process import KERNELS, ROUGH, Array, Kind, Process, Samples, fitted, jointed
-from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, mean_corrections
+from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, Survey, mean_corrections
 from gateway.metrology.shapes import LeftOut, Shape
+from gateway.metrology.wrong_runs import wrong_runs
 
 LEAST_TARGETS: Final = 5
 """Fewer targets say nothing about what lies between them."""
@@ -80,6 +81,8 @@ class Screw:
     """What was told that the error may repeat with."""
     aliased: tuple[Period, ...]
     """Those of them that the targets do not show."""
+    unsettled: str
+    """Runs that do not fit the others, in words."""
     scatter: float | None
     """Standard deviation of one reading; None where nothing tells it."""
     _places: Array
@@ -181,7 +184,11 @@ class Screw:
         low, high = min(low, middle / LEAST_SPREAD), max(high, middle * LEAST_SPREAD)
         high *= may_be_more(self.means.targets, self.periods, self.units)
         hidden = self.unseen
-        return LeftOut(None, low, None, hidden) if hidden else LeftOut(middle, low, high)
+        if self.unsettled:
+            return LeftOut(None, 0.0, None, hidden, self.unsettled)
+        if hidden:
+            return LeftOut(None, low, None, hidden)
+        return LeftOut(middle, low, high)
 
     def _quantiles(self, table: CorrectionTable) -> tuple[float, float, float]:
         """Return quantiles of E over curves that the readings allow.
@@ -227,6 +234,8 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
         raise ReadingsError(
             f"{count} targets: what lies between targets is judged with {LEAST_TARGETS} to {MOST_TARGETS}"
         )
+    wrong = wrong_runs(Survey(known, units))
+    unsettled = "; ".join(each.describe(units) for each in wrong)
     scatter, counts = _scatter(known), _counts(known)
     if scatter is not None:
         scatter = max(scatter, units.from_mm(LEAST_SCATTER_MM))
@@ -242,8 +251,8 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
     if scatter is None and is_guessed and reversal is not None:
         scatter = float(np.exp(reversal.sizes["noise"])) * 2**0.5
     return Screw(
-        units, means, smooth, harmonic, reversal, _harmonics(harmonic, shown), told, aliased, scatter,
-        places, forward, backward,
+        units, means, smooth, harmonic, reversal, _harmonics(harmonic, shown), told, aliased, unsettled,
+        scatter, places, forward, backward,
     )  # fmt: skip
 
 

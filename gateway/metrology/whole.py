@@ -5,6 +5,7 @@ from gateway.metrology.deviation import small_unit
 from gateway.metrology.drift import drift_line, drift_of, e_with_and_without
 from gateway.metrology.readings import Survey
 from gateway.metrology.scale import LEAST_TURNS, is_short, told_scale
+from gateway.metrology.wrong_runs import aside_notes
 
 WORTH_MM = 0.001
 """Over all targets: a linear part that makes less is not worth a word."""
@@ -22,7 +23,8 @@ def notes_of(
     Raises:
         ReadingsError: see :func:`gateway.metrology.readings.mean_corrections`.
     """
-    notes = _scale_notes(survey, counts_per_unit, lead) if with_scale else []
+    notes = aside_notes(survey)
+    notes += _scale_notes(survey, counts_per_unit, lead) if with_scale else []
     drift = drift_of(survey)
     if drift is not None:
         notes.append(drift_line(survey, drift))
