@@ -146,7 +146,7 @@ def _mistaken(survey: Survey) -> list[WrongRun]:
         others = {
             place: median(each.deviation for number, each in group.items() if number != run)
             for place, group in places.items()
-            if len(group) - (run in group) >= min(2, len(runs) - 1)
+            if len(group) - (run in group) >= (2 if len(runs) > 2 else 1)
         }
         own = [group[run] for group in places.values() if run in group]
         away = _distance(own, others, _deviation)
