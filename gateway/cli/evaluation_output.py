@@ -74,7 +74,9 @@ def left_out_json(units: Units, left_out: LeftOut | None, when: str = "") -> dic
     """
     small = small_unit(units)
     names = (f"left_out_e{when}", f"left_out_e_low{when}", f"left_out_e_high{when}")
-    numbers = (None,) * len(names) if left_out is None else (left_out.e, left_out.low, left_out.high)
+    numbers: tuple[float | None, ...] = (None,) * len(names)
+    if left_out is not None and not left_out.unsettled:
+        numbers = (left_out.e, left_out.low, left_out.high)
     return {
         f"{name}_{small.key}": None if number is None else number * small.factor
         for name, number in zip(names, numbers, strict=True)
@@ -168,7 +170,7 @@ def results_text(
 
 def _between_row(before: Evaluation, left_out: LeftOut | None, digits: int) -> list[str]:
     """Return the line of what is left between the targets, where a table has none."""
-    if left_out is None:
+    if left_out is None or left_out.unsettled:
         shown, left = "not known", ["–"]
     elif left_out.e is None:
         shown, left = f"≥ {left_out.low:.{digits}f}", ["–"]
@@ -189,6 +191,8 @@ def left_out_line(before: Evaluation, left_out: LeftOut) -> str:
 
 def left_out_text(small: Small, left_out: LeftOut) -> str:
     """Say E between the targets with its bounds, and what is not in them."""
+    if left_out.unsettled:
+        return f"an E that is {left_out.unknown}"
     if left_out.e is None or left_out.high is None:
         return f"at least E = {small.text(left_out.low)}; how much it is, is {left_out.unknown}"
     return (

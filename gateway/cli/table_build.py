@@ -17,12 +17,12 @@ from gateway.cli.evaluation_output import (
 from gateway.cli.table_options import AsJson, AxisLetter, Counts
 from gateway.cli.table_output import print_json, print_lines
 from gateway.compensation.table import CorrectionTable
-from gateway.compensation.units import Units
 from gateway.metrology.circumstances import check_uncorrected
 from gateway.metrology.doubts import doubts_of
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats import ReadingsContext
+from gateway.metrology.lead import longest
 from gateway.metrology.readings import Survey
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
@@ -30,6 +30,7 @@ from gateway.metrology.scale import check_scale
 from gateway.metrology.shapes import Fit, LeftOut
 from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
+from gateway.metrology.wrong_runs import settled
 from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, Written, axis_of_name
 
 OWN_OPTIONS: Final = {
@@ -59,7 +60,11 @@ def build(
         float | None, typer.Option(metavar="WINDOW", help="Smooth over this length; says by how much.")
     ] = None,
     drop_outliers: Annotated[
-        bool, typer.Option("--drop-outliers", help="Leave out the readings that are named as outliers.")
+        bool,
+        typer.Option(
+            "--drop-outliers",
+            help="Leave out outliers, and runs that are wrong as a whole.",
+        ),
     ] = False,
     one_way: shared.OneWay = False,
     fit: shared.FitWish = Fit.AUTO,
@@ -101,9 +106,11 @@ def build(
             is_quiet=json,
         )
         check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
-        if not keep_scale and survey.units is not Units.DEGREE:
+        survey = settled(survey, drop=drop_outliers)
+        periods = shared.periods_of_readings(survey, lead, period)
+        if not keep_scale:
             try:
-                check_scale(survey.source, survey.readings, counts_per_unit)
+                check_scale(survey, counts_per_unit, longest(periods))
             except ReadingsError:
                 _print_doubts(survey)
                 raise
@@ -112,7 +119,7 @@ def build(
         unit = to_units or survey.units
         recipe = Recipe(
             home, step, tolerance, smooth, drop_outliers, one_way=one_way, travel=travel, fit=fit,
-            periods=shared.periods_of_readings(survey, lead, period),
+            periods=periods,
             accepts=lambda each: shared.can_hold(target, each.in_units(unit), options),
         )  # fmt: skip
         built = build_from(survey, recipe)
@@ -124,7 +131,11 @@ def build(
             raise
         # in which order both lists stand is known here, for they come from the readings
         again = replace(again, lints=tuple(lint for lint in again.lints if lint.code != "L3"))
-        notes = [*built.notes, *notes_of(survey, counts_per_unit), *_one_curve(table, again, target.name)]
+        notes = [
+            *built.notes,
+            *notes_of(survey, counts_per_unit, lead=longest(periods)),
+            *_one_curve(table, again, target.name),
+        ]
         shared.write_file(out, result.text, force=force, encoding=result.encoding)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))
     left_out = None if built.screw is None else built.screw.left_out(again.table)
@@ -132,7 +143,7 @@ def build(
         extra: dict[str, object] = {
             "fit": None if built.evidence is None else evidence_json(built.evidence),
             "understood": understood(survey),
-            **json_of(survey),
+            **json_of(survey, longest(periods)),
         }
         _print_json(out, notes, (result, again, difference), results, left_out=left_out, extra=extra)
     else:

@@ -18,7 +18,7 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.evaluation import evaluate as iso_230_2
 from gateway.metrology.formats import ReadingsContext
-from gateway.metrology.lead import Period
+from gateway.metrology.lead import Period, longest
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey
 from gateway.metrology.residue import predicted_residue
@@ -26,6 +26,7 @@ from gateway.metrology.shapes import LeftOut
 from gateway.metrology.uncertainty import budget_of
 from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
+from gateway.metrology.wrong_runs import settled
 from gateway.report.findings import find, other_stretch
 from gateway.report.story import AxisStory, Report
 from gateway.tabfile import LoadedTable
@@ -85,6 +86,7 @@ def evaluate(
     with shared.problems():
         context = ReadingsContext(readings_format, told.units, told.axis, runs)
         before = shared.prepared(shared.read_all(readings, context), to_20c, is_quiet=json)
+        before = settled(before)
         loaded = None
         second = None
         if after:
@@ -92,6 +94,7 @@ def evaluate(
                 before.units
             )
         if second is not None:
+            second = settled(second)
             check_same_axis(before.source, before.axis, second.source, second.axis)
         if table is not None:
             loaded = inspect(table, told.context())
@@ -100,12 +103,14 @@ def evaluate(
             second = predicted_residue(before, loaded.table)
         results = (iso_230_2(before), iso_230_2(second) if second else None)
         notes = _all_notes((before, second), results, is_predicted=loaded is not None)
-        notes = (*notes, *notes_of(before, counts_per_unit, with_scale=not was_corrected(before.facts)))
+        periods = shared.periods_of_readings(before, lead, period)
+        turn, has_scale = longest(periods), not was_corrected(before.facts)
+        notes = (*notes, *notes_of(before, counts_per_unit, with_scale=has_scale, lead=turn))
         if second is not None and loaded is None:
             notes = (*notes, *(f"after: {note}" for note in notes_of(second, with_scale=False)))
         left_out = None
         if loaded is not None:
-            left_out, warnings = _between(before, loaded, shared.periods_of_readings(before, lead, period))
+            left_out, warnings = _between(before, loaded, periods)
             notes = (*notes, *warnings)
         last = results[1] if results[1] is not None and loaded is None else results[0]
         lines, extra = [], dict[str, object]()
@@ -121,6 +126,7 @@ def evaluate(
             story = replace(_story(before, second, loaded, (*notes, *lines)), left_out=left_out)
             _write_report(report, story, force=force)
     if json:
+        extra |= json_of(before, turn)
         _print_json(before, results, notes, is_predicted=loaded is not None, left_out=left_out, extra=extra)
         return
     print_lines((f"note: {note}" for note in notes), err=True)
@@ -162,7 +168,6 @@ def _print_json(
         {
             "readings": survey.source,
             "understood": understood(survey),
-            **json_of(survey),
             **extra,
             "before": results_json(before),
             "after": shown,

@@ -21,7 +21,7 @@ from gateway.metrology.build import HomeCase, HomeReference
 from gateway.metrology.deviation import small_unit
 from gateway.metrology.lead import lead_warnings
 from gateway.metrology.resample import DIGITS, at_positions, fewest_points, grid_positions
-from gateway.metrology.screw import Harmonic, Screw
+from gateway.metrology.screw import Harmonic, Jump, Screw
 from gateway.metrology.shapes import Fit, Shape
 
 LEAST_FITTED: Final = 9
@@ -34,6 +34,8 @@ TURN_PARTS: Final = (3, 4, 8, 10, 16, 20)
 """Points in the shortest turn, from coarse to fine."""
 GAP_PARTS: Final = (1, 2, 4, 8)
 """Points from one target to the next."""
+JUMP_PARTS: Final = 8
+"""So finely the place of a jump is to be measured."""
 CLEARLY: Final = 1.25
 """So many times as much must be left before another format is worth a word."""
 SIGNIFICANT: Final = 0.01
@@ -145,7 +147,21 @@ def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
 
 def warnings_of(screw: Screw) -> tuple[str, ...]:
     """Say what the targets cannot show."""
-    return tuple(lead_warnings(screw.means.targets, screw.periods, screw.units))
+    return (
+        *lead_warnings(screw.means.targets, screw.periods, screw.units),
+        *(_jump_warning(each, screw.units) for each in screw.jumps),
+    )
+
+
+def _jump_warning(jump: Jump, units: Units) -> str:
+    """Say where the error jumps, and what to measure."""
+    fine = (jump.high - jump.low) / JUMP_PARTS
+    return (
+        f"between {jump.low:.9g} and {jump.high:.9g} {units.value} the error jumps by "
+        f"{small_unit(units).text(abs(jump.size))}, as where two racks or scales meet: a table goes straight "
+        f"from one target to the other and leaves the jump. Measure there finely, --from {jump.low:.9g} "
+        f"--to {jump.high:.9g} --step {fine:.6g}, and give both files"
+    )
 
 
 def _shapes(screw: Screw, wish: Fit) -> tuple[Shape, ...]:

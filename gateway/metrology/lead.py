@@ -66,6 +66,11 @@ def periods_of(lead: float | None, turns: Iterable[float] = ()) -> tuple[Period,
     return tuple(found.values())
 
 
+def longest(periods: Iterable[Period]) -> float | None:
+    """Return the length of the longest; None where nothing may repeat."""
+    return max((each.length for each in periods), default=None)
+
+
 def _check(what: str, length: float) -> None:
     if not (isfinite(length) and length > 0.0):
         raise ReadingsError(f"{what} {length:g}: it must be a length above 0, in the units of the readings")

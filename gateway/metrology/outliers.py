@@ -17,6 +17,7 @@ from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.metrology.readings import APPROACHES, Reading, Survey
+from gateway.metrology.wrong_runs import without_runs, wrong_runs
 
 NORMAL: Final = 0.6745
 """MAD of a normal distribution, in its standard deviations."""
@@ -54,7 +55,11 @@ class Outlier:
 
 
 def find_outliers(survey: Survey) -> tuple[Outlier, ...]:
-    """Return the readings that do not fit, in the order of the survey."""
+    """Return the readings that do not fit, in the order of the survey.
+
+    Those of a run that is wrong as a whole are not among them: that run has one fault, not many.
+    """
+    survey = without_runs(survey, wrong_runs(survey))
     groups: _Group = {}
     for reading in survey.readings:
         groups.setdefault((reading.direction, reading.target), []).append(reading)

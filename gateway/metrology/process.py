@@ -43,6 +43,14 @@ JOINT_PARTS: Final = 8
 """Of the way from one target to the next: as finely the place of a joint is told."""
 MOST_JOINTS: Final = 8
 """So many places stand for all at which a joint may be."""
+MOST_JUMPS: Final = 3
+JUMP_ROUNDS: Final = 2
+JUMP_WORTH: Final = 3.0
+"""A further jump is worth as much as a joint."""
+JUMP_NAMED: Final = 0.5
+"""By so much a jump has to explain the samples better before its place is named."""
+JUMP_PLACES: Final = 8
+"""A jump may be anywhere between its two targets, as likely: so many places stand for all."""
 _FINEST: Final = 0.08
 _FIRST: Final = 1.2
 _ROUNDS: Final = 60
@@ -78,7 +86,8 @@ class Samples:
 class Kind:
     """Which parts a curve has. ``periods`` repeat; ``changes``: their sizes change slowly along the screw.
 
-    ``joint`` is a place at which the slope changes, as where two screws or two scales meet.
+    ``joint`` is a place at which the slope changes, as where two screws or two scales meet, ``jumps`` are
+    those at which the curve itself does, as where two racks are butted.
     """
 
     order: float
@@ -86,6 +95,7 @@ class Kind:
     periods: tuple[float, ...] = ()
     changes: bool = False
     joint: float | None = None
+    jumps: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +150,7 @@ class Process:
 
     def without_periods(self) -> Array:
         """Return the covariance of the samples without what repeats."""
-        bare = Kind(self.kind.order, self.kind.has_short, joint=self.kind.joint)
+        bare = replace(self.kind, periods=(), changes=False)
         return _Covariance.of(self.samples, bare, self._free).at(self.sizes)
 
     def _straight(self, at: Array) -> Array:
@@ -204,7 +214,7 @@ def _with_sizes(samples: Samples, kind: Kind, sizes: Mapping[str, float]) -> Pro
     free = TREND * typical**2
     inverse: Array = np.linalg.inv(_Covariance.of(samples, kind, free).at(sizes)).astype(np.float64)
     score = _Search(_thinned(samples, rest), kind, typical).cost(sizes)
-    count = len(sizes) + (kind.joint is not None)
+    count = len(sizes) + (kind.joint is not None) + len(kind.jumps)
     score += 0.5 * log(len(samples.places)) * count  # Schwarz's: what is added must be worth it
     return Process(kind, samples, sizes, score, line, free, inverse, inverse @ rest)
 
@@ -254,6 +264,80 @@ def jointed(samples: Samples, smooth: Sequence[Process]) -> list[Process]:
     return [replace(each, score=each.score + max(share, 0.0) + log(len(places))) for each in near]
 
 
+def jumped(samples: Samples, known: Sequence[Process]) -> list[Process]:
+    """Return what explains the samples with jumps between neighbours.
+
+    A jump shows in the samples that are left out: both of its neighbours are missed, to opposite sides. It is
+    looked for where a step explains most of what is left, with the sizes found anew beside it. Few samples
+    hardly tell one from a short wave: then both have a say in what may be between them.
+    """
+    best = min((each for each in known if each.kind.joint is None), key=lambda each: each.score)
+    middles = ((samples.places[1:-2] + samples.places[2:-1]) / 2).tolist()
+    chosen = _with_jump(best, best, middles)
+    for _ in range(MOST_JUMPS - 1):
+        further = _with_jump(chosen, best, middles)
+        if further.score > chosen.score - JUMP_WORTH:
+            break
+        chosen = further
+    edges = [samples.places[index : index + 2] for index in _gaps(samples, chosen.kind.jumps)]
+    spread = []
+    for index in range(JUMP_PLACES // 2, JUMP_PLACES // 2 + JUMP_PLACES):
+        shares = [((index + 3 * number) % JUMP_PLACES + 0.5) / JUMP_PLACES for number in range(len(edges))]
+        places = (float(low + share * (high - low)) for share, (low, high) in zip(shares, edges, strict=True))
+        spread.append(_with_sizes(samples, replace(chosen.kind, jumps=tuple(places)), chosen.sizes))
+    # Wherever between its targets it is, it explains them as well: all places together are one jump.
+    return [replace(each, score=chosen.score + log(JUMP_PLACES)) for each in spread]
+
+
+def _with_jump(process: Process, best: Process, middles: Sequence[float]) -> Process:
+    """Return the process with one jump more, where it explains most; ``best`` is the one without any."""
+    samples, found, bare = process.samples, process, process
+    for _ in range(JUMP_ROUNDS):
+        gains = {place: _explains(bare, _step(samples.places, place)) for place in middles}
+        at = max(gains, key=gains.__getitem__)
+        if at in found.kind.jumps:
+            break
+        jumps = tuple(sorted({*process.kind.jumps, at}))
+        tried = [
+            fitted(samples, replace(best.kind, order=order, jumps=jumps), process.sizes)
+            for order in dict.fromkeys((best.kind.order, 1.5, ANALYTIC))
+        ]
+        found = min([*tried, *([found] if found is not process else [])], key=lambda each: each.score)
+        bare = _with_sizes(samples, replace(found.kind, jumps=process.kind.jumps), found.sizes)
+    return replace(found, score=found.score + log(len(middles)))
+
+
+def likely_jumps(known: Sequence[Process]) -> list[tuple[float, float, float]]:
+    """Return between which two samples the curve jumps, and by how much it rises there.
+
+    Empty where the samples are explained as well without a jump.
+    """
+    with_jumps = [each for each in known if each.kind.jumps]
+    if not with_jumps:
+        return []
+    process = with_jumps[0]
+    least = min(each.score for each in known if not each.kind.jumps)
+    if process.score - log(JUMP_PLACES) > least - JUMP_NAMED:
+        return []
+    places = process.samples.places
+    found = []
+    for index, place in zip(_gaps(process.samples, process.kind.jumps), process.kind.jumps, strict=True):
+        near = 1e-9 * process.samples.span
+        before, behind = process.mean(np.array([place - near, place + near])).tolist()
+        found.append((float(places[index]), float(places[index + 1]), behind - before))
+    return found
+
+
+def _gaps(samples: Samples, jumps: Sequence[float]) -> list[int]:
+    """Return behind which sample each jump lies."""
+    return [int(np.searchsorted(samples.places, place)) - 1 for place in jumps]
+
+
+def _step(at: Array, place: float) -> Array:
+    result: Array = (at > place).astype(np.float64)
+    return result
+
+
 def _likely(process: Process, known: list[float], places: list[float]) -> list[Process]:
     """Return the same curve with its joint at each of these places at which it is likely."""
     bare = _moved(process, None)
@@ -276,9 +360,13 @@ def _between(samples: Samples, parts: int = 3) -> list[float]:
 
 def _gain(process: Process, place: float) -> float:
     """Return by how much a change of slope at a place would explain the samples better."""
-    corner = np.maximum(process.samples.places - place, 0.0)
-    whitened = process._inverse @ corner  # noqa: SLF001 - a function of this module
-    return float((process._weights @ corner) ** 2 / (corner @ whitened))  # noqa: SLF001
+    return _explains(process, np.maximum(process.samples.places - place, 0.0))
+
+
+def _explains(process: Process, column: Array) -> float:
+    """Return by how much a further column of the trend would explain the samples better."""
+    whitened = process._inverse @ column  # noqa: SLF001 - a function of this module
+    return float((process._weights @ column) ** 2 / (column @ whitened))  # noqa: SLF001
 
 
 def _moved(process: Process, place: float | None) -> Process:
@@ -477,6 +565,7 @@ def _trend(samples: Samples, kind: Kind, at: Array) -> Array:
     columns = [np.ones_like(at), unit]
     if kind.joint is not None:
         columns.append(np.maximum(unit - _unit(samples, np.array([kind.joint]))[0], 0.0))
+    columns += [_step(at, place) for place in kind.jumps]
     result: Array = np.column_stack(columns)
     return result
 

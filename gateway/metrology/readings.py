@@ -3,8 +3,9 @@
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite
-from statistics import fmean
+from itertools import pairwise
+from math import inf, isfinite
+from statistics import fmean, median
 from typing import Final
 
 from gateway.compensation.direction import Direction
@@ -13,7 +14,8 @@ from gateway.metrology.circumstances import check_together, is_same_axis
 from gateway.metrology.errors import ReadingsError
 
 NEAR: Final = 0.01
-"""Targets nearer than this share of the usual distance are one target, written in two ways."""
+"""Targets nearer than this share of the usual distance are one target, written in two ways; of several files
+it is the distance of the finest."""
 APPROACHES = (Direction.FORWARD, Direction.BACKWARD)
 
 
@@ -109,6 +111,7 @@ def merged(surveys: Sequence[Survey]) -> Survey:
         raise ReadingsError("no readings: name at least one file")
     first, *others = surveys
     readings = list(first.readings)
+    usual = _usual_distance(first)
     for other in others:
         for what, one, two, is_same in (
             ("units", first.units.value, other.units.value, first.units is other.units),
@@ -120,7 +123,9 @@ def merged(surveys: Sequence[Survey]) -> Survey:
                     "only readings of one axis in one unit go together"
                 )
         check_together(first.source, first.facts, other.source, other.facts)
-        _check_targets(readings, other)
+        # A fine run of two turns lies beside a grid: its targets are nearer than those of the grid.
+        usual = min(usual, _usual_distance(other))
+        _check_targets(readings, other, NEAR * usual)
         runs = max((reading.run for reading in readings), default=0)
         readings.extend(replace(reading, run=reading.run + runs) for reading in other.readings)
     return replace(
@@ -133,13 +138,23 @@ def merged(surveys: Sequence[Survey]) -> Survey:
     )
 
 
-def _check_targets(readings: Sequence[Reading], other: Survey) -> None:
-    """Check that no target of a further survey is one of those before, written in another way."""
+def _usual_distance(survey: Survey) -> float:
+    """Return the median distance of neighbouring targets; infinity with one target."""
+    targets = sorted({reading.target for reading in survey.readings})
+    return median([high - low for low, high in pairwise(targets)] or [inf])
+
+
+def _check_targets(readings: Sequence[Reading], other: Survey, nearer: float) -> None:
+    """Check that no target of a further survey is one of those before, written in another way.
+
+    Raises:
+        ReadingsError: one lies beside another by less than ``nearer``.
+    """
     targets = sorted({reading.target for reading in readings})
     for spelt in sorted({reading.target for reading in other.readings}):
         at = bisect_left(targets, spelt)
         for near in targets[max(at - 1, 0) : at + 1]:
-            if 0.0 < abs(near - spelt) < NEAR * (targets[-1] - targets[0]) / len(targets):
+            if 0.0 < abs(near - spelt) < nearer < inf:
                 raise ReadingsError(
                     f"{other.source} has target {spelt:.9g}, which is {near:.9g} in the files before: "
                     "the same number for one target in all"

@@ -21,6 +21,7 @@ from gateway.metrology.readings import APPROACHES, Reading, Survey, mean_correct
 from gateway.metrology.resample import Loss, fewest_points, on_grid, with_point
 from gateway.metrology.shapes import Fit, Shape
 from gateway.metrology.smooth import Change, smoothed
+from gateway.metrology.wrong_runs import settled
 
 if TYPE_CHECKING:
     from gateway.metrology.fitting import Evidence
@@ -75,9 +76,10 @@ class Built:
 def build_from(survey: Survey, recipe: Recipe) -> Built:
     """Make a table of readings.
 
-    In this order: outliers are looked for (and dropped if asked), the mean is taken at each target and in
-    each direction, turn-around points are estimated, the curves smoothed, the points chosen; at the end the
-    correction at home is subtracted, so that it is 0 there whatever was done before.
+    In this order: runs that are wrong as a whole are refused, outliers are looked for (both are dropped if
+    asked), the mean is taken at each target and in each direction, turn-around points are estimated, the
+    curves smoothed, the points chosen; at the end the correction at home is subtracted, so that it is 0 there
+    whatever was done before.
 
     Raises:
         ReadingsError: readings or a recipe that make no table.
@@ -85,7 +87,7 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
     """
     _check(recipe)
     unit = survey.units.value
-    survey, remarks = _with_home(survey, recipe)
+    survey, remarks = _with_home(settled(survey, drop=recipe.drop_outliers), recipe)
     outliers = find_outliers(survey)
     readings, emptied = without_outliers(survey, outliers) if recipe.drop_outliers else (survey.readings, ())
     done = "left out" if recipe.drop_outliers else "kept; table build --drop-outliers leaves it out"

@@ -20,6 +20,7 @@ from gateway.metrology.readings import APPROACHES, Survey
 from gateway.metrology.residue import predicted_residue
 from gateway.metrology.shapes import Fit, LeftOut
 from gateway.metrology.smooth import Change
+from gateway.metrology.wrong_runs import settled
 
 if TYPE_CHECKING:
     from gateway.metrology.screw import Screw
@@ -97,6 +98,7 @@ def refine_table(
         ValueError: between a length and an angle.
     """
     old = table.in_units(survey.units)
+    survey = settled(survey)
     rest = build_table(survey.readings, survey.units, one_way=one_way)
     said: list[str] = []
     screw = None

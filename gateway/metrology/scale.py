@@ -14,11 +14,17 @@ from typing import Final
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.readings import APPROACHES, Reading, mean_corrections
+from gateway.metrology.readings import APPROACHES, Reading, Survey, mean_corrections
 
 MOST: Final = 3e-4
 """0.3 mm/m: more is no screw but a wrong scale, and is asked for first."""
 LEAST_TARGETS: Final = 3
+LEAST_TURNS: Final = 10
+"""Over fewer turns of the screw what repeats with a turn has a slope of its own."""
+USUAL_LEAD_MM: Final = 5.0
+"""Of a screw whose lead nobody told."""
+NO_WAVE_MM: Final = 0.1
+"""A linear part that makes more, from the first target to the last, is none of a turn."""
 _PER_METRE_UM: Final = 1e6
 TRIAL_MOVE: Final = {Units.MM: 1.0, Units.INCH: 0.05, Units.DEGREE: 1.0}
 """A move that does no harm when it becomes ten times as long."""
@@ -110,6 +116,30 @@ def scale_of(readings: Iterable[Reading]) -> ScaleError | None:
     return ScaleError(sums[0] / sums[1]) if sums[1] else None
 
 
+def told_scale(survey: Survey, lead: float | None = None) -> ScaleError | None:
+    """Return the linear part of readings that tell it: None where they span only a few turns of the screw.
+
+    ``lead`` is the longest length after which the error may repeat, where one is told.
+    """
+    found = scale_of(survey.readings)
+    if found is None or survey.units is Units.DEGREE:  # a turn is a turn
+        return None
+    made = abs(found.share) * _span(survey)
+    is_told = not is_short(survey, lead) or made > survey.units.from_mm(NO_WAVE_MM)
+    return found if is_told else None
+
+
+def is_short(survey: Survey, lead: float | None = None) -> bool:
+    """Whether readings span only a few turns of the screw."""
+    turn = survey.units.from_mm(USUAL_LEAD_MM) if lead is None else lead
+    return _span(survey) < LEAST_TURNS * turn * (1 - 1e-9)
+
+
+def _span(survey: Survey) -> float:
+    targets = [each.target for each in survey.readings]
+    return max(targets) - min(targets)
+
+
 def _one_reading(readings: Sequence[Reading]) -> str | None:
     """Say which reading makes a linear part large; None where all do.
 
@@ -143,18 +173,18 @@ def _one_reading(readings: Sequence[Reading]) -> str | None:
     )
 
 
-def check_scale(source: str, readings: Iterable[Reading], counts_per_unit: float | None = None) -> None:
-    """Check that readings are of a screw and not of a wrong scale.
+def check_scale(survey: Survey, counts_per_unit: float | None = None, lead: float | None = None) -> None:
+    """Check that readings are of a screw and not of a wrong scale; ``lead`` as in :func:`told_scale`.
 
     Raises:
         ReadingsError: the linear part is larger than 0.3 mm/m, of all readings or because of a single one.
     """
-    known = tuple(readings)
-    found = scale_of(known)
+    found = told_scale(survey, lead)
     if found is not None and found.is_large:
-        if (said := _one_reading(known)) is not None:
-            raise ReadingsError(f"{source}: {said}")
+        if (said := _one_reading(survey.readings)) is not None:
+            raise ReadingsError(f"{survey.source}: {said}")
         raise ReadingsError(
-            f"{source}: {found.describe(counts_per_unit)}. More than 0.3 mm/m is no screw but a wrong scale: "
-            "put it right first and measure again, or --keep-scale where the screw is really so long or short"
+            f"{survey.source}: {found.describe(counts_per_unit)}. More than 0.3 mm/m is no screw but a wrong "
+            "scale: put it right first and measure again, or --keep-scale where the screw is really so long "
+            "or short"
         )

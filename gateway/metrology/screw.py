@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import atan2, degrees, hypot, inf, pi
 from statistics import fmean
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -18,9 +18,21 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period, may_be_more, shown_by, unseen
-from gateway.metrology.process import KERNELS, ROUGH, Array, Kind, Process, Samples, fitted, jointed
-from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, mean_corrections
+from gateway.metrology.process import (
+    KERNELS,
+    ROUGH,
+    Array,
+    Kind,
+    Process,
+    Samples,
+    fitted,
+    jointed,
+    jumped,
+    likely_jumps,
+)
+from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, Survey, mean_corrections
 from gateway.metrology.shapes import LeftOut, Shape
+from gateway.metrology.wrong_runs import wrong_runs
 
 LEAST_TARGETS: Final = 5
 """Fewer targets say nothing about what lies between them."""
@@ -63,6 +75,14 @@ class Harmonic:
     significance: float
 
 
+class Jump(NamedTuple):
+    """The error jumps by ``size`` somewhere from one target to the next; in the units of the readings."""
+
+    low: float
+    high: float
+    size: float
+
+
 @dataclass(frozen=True, slots=True)
 class Screw:
     """Readings of one axis as curves. Corrections are in ``units``; positions are those of the drive."""
@@ -80,6 +100,10 @@ class Screw:
     """What was told that the error may repeat with."""
     aliased: tuple[Period, ...]
     """Those of them that the targets do not show."""
+    jumps: tuple[Jump, ...]
+    """Where the error jumps between two targets."""
+    unsettled: str
+    """Runs that do not fit the others, in words."""
     scatter: float | None
     """Standard deviation of one reading; None where nothing tells it."""
     _places: Array
@@ -181,7 +205,11 @@ class Screw:
         low, high = min(low, middle / LEAST_SPREAD), max(high, middle * LEAST_SPREAD)
         high *= may_be_more(self.means.targets, self.periods, self.units)
         hidden = self.unseen
-        return LeftOut(None, low, None, hidden) if hidden else LeftOut(middle, low, high)
+        if self.unsettled:
+            return LeftOut(None, 0.0, None, hidden, self.unsettled)
+        if hidden:
+            return LeftOut(None, low, None, hidden)
+        return LeftOut(middle, low, high)
 
     def _quantiles(self, table: CorrectionTable) -> tuple[float, float, float]:
         """Return quantiles of E over curves that the readings allow.
@@ -227,6 +255,8 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
         raise ReadingsError(
             f"{count} targets: what lies between targets is judged with {LEAST_TARGETS} to {MOST_TARGETS}"
         )
+    wrong = wrong_runs(Survey(known, units))
+    unsettled = "; ".join(each.describe(units) for each in wrong)
     scatter, counts = _scatter(known), _counts(known)
     if scatter is not None:
         scatter = max(scatter, units.from_mm(LEAST_SCATTER_MM))
@@ -235,6 +265,8 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
     told = tuple(periods)
     shown, aliased = shown_by(means.targets, told)
     kinds = _fit_all(middle, tuple(period.length for period in shown), has_scatter=scatter is not None)
+    # The deviation is what the correction takes away.
+    jumps = tuple(Jump(low, high, -rise) for low, high, rise in likely_jumps(kinds))
     smooth = min((each for each in kinds if not each.kind.periods), key=lambda each: each.score)
     repeating = [each for each in kinds if each.kind.periods]
     harmonic = min(repeating, key=lambda each: each.score) if repeating else None
@@ -242,8 +274,8 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
     if scatter is None and is_guessed and reversal is not None:
         scatter = float(np.exp(reversal.sizes["noise"])) * 2**0.5
     return Screw(
-        units, means, smooth, harmonic, reversal, _harmonics(harmonic, shown), told, aliased, scatter,
-        places, forward, backward,
+        units, means, smooth, harmonic, reversal, _harmonics(harmonic, shown), told, aliased, jumps,
+        unsettled, scatter, places, forward, backward,
     )  # fmt: skip
 
 
@@ -350,7 +382,7 @@ def _fit_all(samples: Samples, periods: tuple[float, ...], *, has_scatter: bool)
     if LEAST_JOINTED <= len(samples.places) <= MOST_JOINTED:
         smooth += jointed(samples, smooth)
     if not periods:
-        return smooth
+        return [*smooth, *_jumped(samples, smooth)]
     orders = [order for order in KERNELS if order != ROUGH]
     known = {(each.kind.order, each.kind.has_short): each.sizes for each in smooth if each.kind.joint is None}
     several = len(samples.places) >= 3 * (3 + 2 * len(periods))
@@ -360,7 +392,11 @@ def _fit_all(samples: Samples, periods: tuple[float, ...], *, has_scatter: bool)
         for short in shorts
         for changes in ((False, True) if several else (False,))
     ]
-    return [*smooth, *repeating]
+    return [*smooth, *repeating, *_jumped(samples, [*smooth, *repeating])]
+
+
+def _jumped(samples: Samples, kinds: Sequence[Process]) -> list[Process]:
+    return jumped(samples, kinds) if LEAST_JOINTED <= len(samples.places) <= MOST_JOINTED else []
 
 
 def _usual(sizes: object, samples: Samples) -> dict[str, float] | None:

@@ -38,10 +38,14 @@ class LeftOut(NamedTuple):
     low: float
     high: float | None
     unseen: tuple[Period, ...] = ()
+    unsettled: str = ""
+    """What has to be settled first: runs that do not fit the others."""
 
     @property
     def unknown(self) -> str:
         """Why the readings do not tell it, in words; empty where they do."""
+        if self.unsettled:
+            return f"not known from these readings: {self.unsettled}"
         names = " and ".join(each.name for each in self.unseen)
         if not names:
             return ""

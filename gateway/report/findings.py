@@ -150,6 +150,8 @@ def _left_between(found: Findings) -> str:
     if left_out is None or not found.story.is_predicted:
         return ""
     show = found.scale.rounded
+    if left_out.unsettled:
+        return f"what it leaves between the targets is {left_out.unknown}"
     if left_out.e is None or left_out.high is None:
         return (
             f"it leaves a systematic deviation E of at least {show(left_out.low)} between the targets; how "

@@ -67,7 +67,8 @@ def _between_row(found: Findings, columns: int) -> str:
     left_out = found.story.left_out
     if left_out is None or not found.story.is_predicted or columns < 2:
         return ""
-    value, why = f"≥{GAP}{_shown(found, left_out.low)}", escape(left_out.unknown)
+    value = NONE if left_out.unsettled else f"≥{GAP}{_shown(found, left_out.low)}"
+    why = escape(left_out.unknown)
     if left_out.e is not None and left_out.high is not None:
         value = _shown(found, left_out.e)
         why = (

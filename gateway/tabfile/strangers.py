@@ -53,6 +53,14 @@ STRANGERS: Final = (
         "their numbers differ between series: put 3620 to 3624 and the points into format fanuc-csv",
     ),
     _of(
+        "a COMP.ERR of PC-DMIS (Hexagon, STARTW)",
+        r"START[A-Z]",
+        "each line is what the scale reads = what the laser reads: "
+        + CSV.format("error_mm")
+        + "; position_degree,error_degree of a rotary table"
+        + "; the error is the right number less the left one",
+    ),
+    _of(
         "a look-up table of ecmc (PREC=)",
         r"PREC[ \t]*=[ \t]*[0-9]+",
         "it holds position and correction of an encoder, in units of the axis; the program that uses it "

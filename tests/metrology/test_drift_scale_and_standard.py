@@ -1,5 +1,6 @@
 """What readings say as a whole: drift over the runs, scale, temperature, and what ISO 230-2 asks for."""
 
+from math import pi, sin
 from random import Random
 
 import pytest
@@ -11,10 +12,10 @@ from gateway.metrology.drift import at_20_degrees, drift_line, drift_of, without
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import evaluate
 from gateway.metrology.formats import parse_survey
-from gateway.metrology.readings import Reading, Survey
+from gateway.metrology.readings import Reading, Survey, merged
 from gateway.metrology.scale import ScaleError, check_scale, scale_of
 from gateway.metrology.standard_asks import missing_line, missing_of, title_of
-from gateway.metrology.whole import json_of
+from gateway.metrology.whole import json_of, notes_of
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD
 TARGETS = [0.0, 97.0, 203.0, 301.0, 400.0]
@@ -30,6 +31,10 @@ def warming(per_run: float = 7e-6, noise: float = 0.0) -> Survey:
         for x in TARGETS
     ]
     return Survey(tuple(readings), Units.MM)
+
+
+def said_by(source: str, readings: list[Reading]) -> Survey:
+    return Survey(tuple(readings), Units.MM, source=source)
 
 
 def test_a_screw_that_warms_up_is_named_with_e_with_and_without() -> None:
@@ -98,15 +103,49 @@ def test_the_scale_says_what_counts_per_unit_should_be() -> None:
     # The nut goes 1.00025 times as far: 1000 / 1.00025 counts take it to where it should be.
     assert 1000 * found.counts_factor == pytest.approx(1000 / 1.00025)
     assert not found.is_large
-    check_scale("x.csv", readings)
+    check_scale(said_by("x.csv", readings))
 
 
 def test_a_wrong_scale_is_asked_for_before_a_table() -> None:
     readings = [Reading(x, UP, x * 0.9996) for x in TARGETS]
     with pytest.raises(ReadingsError, match=r"x.csv: linear part -400 µm/m: counts_per_unit 1000.4.*first"):
-        check_scale("x.csv", readings, 1000.0)
+        check_scale(said_by("x.csv", readings), 1000.0)
     assert ScaleError(-400e-6).is_large
     assert not ScaleError(300e-6).is_large
+
+
+def test_a_run_of_a_few_turns_tells_no_scale() -> None:
+    """3 µm once in 2 mm on a screw that is 60 µm/m too long: a fine run of 2 mm alone has -2.3 mm/m."""
+
+    def measured(targets: list[float]) -> Survey:
+        return said_by("x.csv", [Reading(x, UP, x * 1.00006 + 0.003 * sin(pi * x)) for x in targets])
+
+    fine = measured([200 + 0.125 * index for index in range(17)])
+    steep = scale_of(fine.readings)
+    assert steep is not None
+    assert steep.share < -2e-3
+    check_scale(fine)
+    assert json_of(fine)["scale"] is None
+    [said] = notes_of(fine)
+    assert said == (
+        "the readings span 2 mm, a few turns of the screw: they tell no scale. For it, measure over 10 turns "
+        "and more, or tell the lead (--lead) if that is so many turns"
+    )
+    # With the grid that it completes they tell it, and where the lead is told ten turns of it do.
+    both = merged([measured([20.0 * index for index in range(21)]), fine])
+    scale = json_of(both)["scale"]
+    assert isinstance(scale, dict)
+    assert scale["um_per_m"] == pytest.approx(60, abs=1)
+    turns = measured([0.0, 5.0, 10.0, 15.0, 20.0])
+    assert json_of(turns)["scale"] is None
+    assert json_of(turns, lead=2.0)["scale"] is not None
+    assert json_of(turns, lead=2.1)["scale"] is None
+
+
+def test_a_scale_that_no_turn_explains_is_refused_however_short_the_run() -> None:
+    """A gear of 1:2 makes 1 mm over 2 mm."""
+    with pytest.raises(ReadingsError, match="is no screw but a wrong scale"):
+        check_scale(said_by("x.csv", [Reading(x, UP, 1.5 * x) for x in (0.0, 1.0, 2.0)]))
 
 
 HEADING = "target_mm,direction,run,measured_mm,temperature_c"
@@ -117,15 +156,15 @@ def test_a_slip_is_not_taken_for_a_wrong_scale() -> None:
     heights = (0.0, 0.0071, 0.0148, 0.0216, 0.0289, 0.0357, 0.4210)
     slipped = [Reading(50.0 * index, UP, 50 * index + height) for index, height in enumerate(heights)]
     with pytest.raises(ReadingsError) as caught:
-        check_scale("hand.csv", slipped)
+        check_scale(said_by("hand.csv", slipped))
     said = str(caught.value)
     # The slopes between two of the others are 137 to 154 µm/m.
     assert "hand.csv: the readings together rise by more than 0.3 mm/m, but most of them by +14" in said
     assert "300.421 at target 300, forward, is +0.421 away, where the others lead to +0.04" in said
-    check_scale("hand.csv", [*slipped[:6], Reading(300.0, UP, 300.0421)])
+    check_scale(said_by("hand.csv", [*slipped[:6], Reading(300.0, UP, 300.0421)]))
     steep = [Reading(50.0 * index, UP, 50.02 * index) for index in range(7)]
     with pytest.raises(ReadingsError, match="is no screw but a wrong scale"):
-        check_scale("hand.csv", steep)
+        check_scale(said_by("hand.csv", steep))
 
 
 def test_readings_carry_their_temperature_and_are_normalised_when_asked() -> None:

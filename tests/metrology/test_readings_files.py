@@ -6,7 +6,7 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.formats import ReadingsContext, Runs, parse_survey
-from gateway.metrology.readings import Survey, merged
+from gateway.metrology.readings import Reading, Survey, merged
 from gateway.metrology.understood import understood
 from gateway.tabfile import TabFileError
 from tests.metrology.samples import RTL, TB058_MANUAL, TB058_SIMULATED
@@ -570,7 +570,7 @@ def test_surveys_of_one_axis_are_counted_on() -> None:
 
 
 def test_one_target_written_in_two_ways_in_two_files_is_refused() -> None:
-    # The usual distance is 100 / 3 = 33.3: nearer than 0.333 is the same target.
+    # The usual distance is 50: nearer than 0.5 is the same target.
     for other, found in (
         ("50.3", "has target 50.3, which is 50 in the files before"),
         ("49.7", "has target 49.7"),
@@ -578,6 +578,24 @@ def test_one_target_written_in_two_ways_in_two_files_is_refused() -> None:
         with pytest.raises(ReadingsError, match=found):
             merged([read(ISO), read(ISO.replace("\n50,", f"\n{other},"))])
     merged([read(ISO), read(ISO.replace("\n50,", "\n51,"))])
+
+
+def test_a_fine_run_of_two_turns_goes_beside_the_grid_that_it_completes() -> None:
+    """What the warning of aliased targets says: --from 200 --to 202 --step 0.125, and both files."""
+
+    def run(targets: list[float], source: str) -> Survey:
+        return Survey(
+            tuple(Reading(x, way, x) for way in (UP, DOWN) for x in targets), Units.MM, source=source
+        )
+
+    grid = run([20.0 * index for index in range(21)], "grid.csv")
+    fine = run([200 + 0.125 * index for index in range(17)], "fine.csv")
+    for both in ([grid, fine], [fine, grid]):
+        assert len({each.target for each in merged(both).readings}) == 21 + 16
+    # One target in two spellings is still one, by the distance of the finer file.
+    slipped = run([200.001, 250.0, 300.0], "slip.csv")
+    with pytest.raises(ReadingsError, match=r"slip.csv has target 200.001, which is 200 in the files before"):
+        merged([grid, fine, slipped])
 
 
 def test_the_same_readings_twice_are_named() -> None:

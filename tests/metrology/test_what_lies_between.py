@@ -1,5 +1,6 @@
 """What is said about the places between the targets: curves, harmonics, and what a table leaves there."""
 
+from collections.abc import Sequence
 from math import pi, sin
 from random import Random
 
@@ -334,6 +335,49 @@ def test_a_joint_of_two_screws_is_found_where_it_is(count: int, noise_um: float,
 )
 def test_no_joint_is_made_up_where_there_is_none(name: str) -> None:
     assert joints(name, 41, 0.5) == [None] * 3
+
+
+def racks(phases: Sequence[float]) -> tuple[screws.Curve, screws.Curve]:
+    """Two racks: the error jumps by 12 µm where they are butted."""
+    waves = screws.total(screws.wave(8, 420, phases[0]), screws.wave(3, 170, phases[1]))
+    return screws.total(waves, lambda x: np.where(x < 437.3, 0.0, 0.012)), screws.constant(8)
+
+
+RACKS = screws.Kind("two racks", 1000, racks, 21, 61, 0.4)
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("count", [RACKS.few, RACKS.many])
+def test_the_upper_bound_holds_a_jump_between_two_targets(count: int, seed: int) -> None:
+    found = screws.case(RACKS, count, RACKS.noise_um, seed)
+    # A straight line from one target to the other leaves all of the jump.
+    assert found.true > 11.5
+    assert found.is_within
+    assert found.high is None or found.high > 12
+
+
+def test_the_place_of_a_jump_is_named_with_what_to_measure() -> None:
+    screw, random = screws.screw_of(RACKS, 1)
+    targets = screws.targets_of(RACKS, RACKS.many, 1)
+    made = screws.built(screw.survey(targets, RACKS.noise_um, random), RACKS, Fit.AUTO)
+    assert made.screw is not None
+    [jump] = made.screw.jumps
+    assert jump.low == max(target for target in targets if target < 437.3)
+    assert jump.high == min(target for target in targets if target > 437.3)
+    assert jump.size == pytest.approx(0.012, abs=0.001)
+    [said] = [note for note in made.notes if "jumps by" in note]
+    assert said.startswith(f"between {jump.low:.9g} and {jump.high:.9g} mm the error jumps by 1")
+    assert f"--from {jump.low:.9g} --to {jump.high:.9g} --step " in said
+
+
+@pytest.mark.parametrize("name", ["slow waves, irregular targets", "of the issue, lead not told"])
+def test_no_jump_is_made_up_where_there_is_none(name: str) -> None:
+    [kind] = [each for each in screws.KINDS if each.name == name]
+    screw, random = screws.screw_of(kind, 1)
+    survey = screw.survey(screws.targets_of(kind, kind.few, 1), kind.noise_um, random)
+    made = screws.built(survey, kind, Fit.AUTO)
+    assert made.screw is not None
+    assert made.screw.jumps == ()
 
 
 def test_even_targets_cannot_tell_two_screws_apart_of_which_a_table_leaves_different_amounts() -> None:

@@ -33,13 +33,13 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats.context import ReadingsContext
 from gateway.metrology.formats.load import is_readings, read_survey
-from gateway.metrology.lead import Period
+from gateway.metrology.lead import Period, longest
 from gateway.metrology.readings import Survey
 from gateway.metrology.recipe import Built, Recipe, build_from
 from gateway.metrology.refine import Refined, refine_table
 from gateway.metrology.resample import grid_positions
 from gateway.metrology.residue import predicted_residue
-from gateway.metrology.scale import scale_of
+from gateway.metrology.scale import told_scale
 from gateway.metrology.shapes import Fit, LeftOut
 from gateway.metrology.whole import notes_of
 from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
@@ -96,8 +96,9 @@ def outcome_of(
     if active is not None and axis.settings.backlash is not None:
         active = with_backlash(active, axis.settings.backlash)
         notes.append("the new table holds the backlash too: take the key backlash away when you use it")
-    notes += notes_of(survey, axis.settings.counts_per_unit, with_scale=not is_active)
-    if not is_active and (scale := scale_of(survey.readings)) and scale.is_large:
+    turn = longest(periods)
+    notes += notes_of(survey, axis.settings.counts_per_unit, with_scale=not is_active, lead=turn)
+    if not is_active and (scale := told_scale(survey, turn)) and scale.is_large:
         notes.append(
             "more than 0.3 mm/m is no screw but a wrong scale: put it right first, and measure again"
         )

@@ -1,0 +1,208 @@
+"""Runs that are wrong as a whole: directions swapped, the sign turned, or the instrument moved in between.
+
+A run is held against the median of the other runs at each target and direction. Where it fits them far better
+with its directions exchanged, or with its sign turned, that is its fault, and readings with it make no table.
+A run that lies aside of all others by one length changes no table, for home is subtracted from it; but
+what readings scatter by, and so what a table leaves, is not known before somebody has said why it does.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from statistics import fmean, median
+from typing import Final
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.units import Units
+from gateway.metrology.deviation import small_unit
+from gateway.metrology.drift import drift_of, without_drift
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.readings import APPROACHES, Reading, Survey
+
+CLEARLY: Final = 3.0
+"""So many times as well a run has to fit the others once its fault is taken away."""
+LEAST_MM: Final = 0.002
+"""A run that is nearer to the others is none that went wrong."""
+LEAST_PLACES: Final = 4
+"""Of a run: fewer readings say nothing of all of it."""
+WIDER: Final = 2.0
+"""A run aside is farther from the others than so many times what these differ by."""
+BEYOND_SCATTER: Final = 4.0
+
+
+class Fault(Enum):
+    """What is wrong with a run."""
+
+    SWAPPED = "directions swapped"
+    TURNED = "sign turned"
+    ASIDE = "aside"
+
+    @property
+    def is_mistake(self) -> bool:
+        """Whether no machine does so: the readings are wrong as they stand."""
+        return self is not Fault.ASIDE
+
+
+@dataclass(frozen=True, slots=True)
+class WrongRun:
+    """A run that is wrong as a whole."""
+
+    run: int
+    fault: Fault
+    away: float
+    """How far it lies from the others, in the units of the readings: of ``ASIDE`` with its sign."""
+    fits: float = 0.0
+    """How far it would lie with the fault taken away."""
+    other: int | None = None
+    """With two runs nobody can say which of them is wrong."""
+
+    @property
+    def named(self) -> str:
+        """Return which run it is."""
+        return f"run {self.run}" if self.other is None else f"run {self.run} or run {self.other}"
+
+    def describe(self, units: Units) -> str:
+        """Say it in a few words.
+
+        >>> WrongRun(3, Fault.ASIDE, 0.005).describe(Units.MM)
+        'run 3: 5.00 µm aside of the other runs'
+        """
+        small = small_unit(units)
+        if self.fault is Fault.ASIDE:
+            return f"{self.named}: {small.text(abs(self.away))} aside of the other runs"
+        return (
+            f"{self.named}: {self.fault.value} ({small.text(self.away)} from the other runs as it stands, "
+            f"{small.text(self.fits)} once that is put right)"
+        )
+
+
+def wrong_runs(survey: Survey) -> tuple[WrongRun, ...]:
+    """Return the runs that are wrong as a whole, in order."""
+    mistaken = _mistaken(survey)
+    sound = without_runs(survey, mistaken)
+    aside = _aside(sound)
+    if not aside and (drift := drift_of(sound)) is not None:
+        aside = _aside(without_drift(sound, drift))
+    return tuple(sorted([*mistaken, *aside], key=lambda each: each.run))
+
+
+def without_runs(survey: Survey, wrong: Iterable[WrongRun]) -> Survey:
+    """Return the readings of the other runs."""
+    left_out = {each.run for each in wrong}
+    return replace(survey, readings=tuple(each for each in survey.readings if each.run not in left_out))
+
+
+def settled(survey: Survey, *, drop: bool = False) -> Survey:
+    """Return readings without a mistake of a whole run; with ``drop`` all runs that are wrong are left out.
+
+    Raises:
+        ReadingsError: a run whose directions are swapped or whose sign is turned, unless it is left out.
+    """
+    wrong = wrong_runs(survey)
+    mistaken = [each for each in wrong if each.fault.is_mistake]
+    is_open = any(each.other is not None for each in mistaken)
+    if mistaken and (is_open or not drop):
+        said = "; ".join(each.describe(survey.units) for each in mistaken)
+        remedy = "Put that right in the file, or measure again"
+        if not is_open:
+            remedy += "; table build --drop-outliers leaves that run out"
+        raise ReadingsError(f"{survey.source}: {said}. {remedy}" if survey.source else f"{said}. {remedy}")
+    if not drop or not wrong:
+        return survey
+    said_of = [f"left out: {each.describe(survey.units)}" for each in wrong]
+    return replace(without_runs(survey, wrong), remarks=(*survey.remarks, *said_of))
+
+
+def aside_notes(survey: Survey) -> list[str]:
+    """Say of each run that lies aside what may be the reason, and what to do."""
+    return [
+        f"{each.describe(survey.units)}: the instrument moved or was set to 0 anew, or the axis was colder "
+        "or warmer. Measure again, or leave that run out (table build --drop-outliers)"
+        for each in wrong_runs(survey)
+        if each.fault is Fault.ASIDE
+    ]
+
+
+_Place = tuple[float, Direction]
+
+
+def _by_place(readings: Iterable[Reading]) -> dict[_Place, dict[int, Reading]]:
+    places: dict[_Place, dict[int, Reading]] = {}
+    for each in readings:
+        places.setdefault((each.target, each.direction), {})[each.run] = each
+    return places
+
+
+def _deviation(each: Reading) -> float:
+    return each.deviation
+
+
+def _mistaken(survey: Survey) -> list[WrongRun]:
+    places = _by_place(survey.readings)
+    runs = sorted({each.run for each in survey.readings})
+    least = survey.units.from_mm(LEAST_MM)
+    found = []
+    for run in runs:
+        others = {
+            place: median(each.deviation for number, each in group.items() if number != run)
+            for place, group in places.items()
+            if len(group) - (run in group) >= (2 if len(runs) > 2 else 1)
+        }
+        own = [group[run] for group in places.values() if run in group]
+        away = _distance(own, others, _deviation)
+        tries = [
+            (_distance(own, _exchanged(others), _deviation), Fault.SWAPPED),
+            (_distance(own, others, lambda each: -each.deviation), Fault.TURNED),
+            # An instrument that counts down.
+            (_distance(own, others, lambda each: -each.measured - each.target), Fault.TURNED),
+        ]
+        known = [(fits, fault) for fits, fault in tries if fits is not None]
+        if away is None or not known:
+            continue
+        fits, fault = min(known, key=lambda each: each[0])
+        if away > least and away > CLEARLY * fits:
+            found.append(WrongRun(run, fault, away, fits))
+    if len(runs) == 2 and found:
+        return [replace(found[0], run=runs[0], other=runs[1])]
+    return found
+
+
+def _exchanged(others: Mapping[_Place, float]) -> dict[_Place, float]:
+    up, down = APPROACHES
+    return {(target, down if way is up else up): value for (target, way), value in others.items()}
+
+
+def _distance(
+    own: Sequence[Reading], others: Mapping[_Place, float], value: Callable[[Reading], float]
+) -> float | None:
+    """Return the mean distance from the others, without what all of the run is aside by; None: too few."""
+    rests = [
+        value(each) - others[each.target, each.direction]
+        for each in own
+        if (each.target, each.direction) in others
+    ]
+    if len(rests) < LEAST_PLACES:
+        return None
+    middle = median(rests)
+    return fmean(abs(rest - middle) for rest in rests)
+
+
+def _aside(survey: Survey) -> list[WrongRun]:
+    rests: dict[int, list[float]] = {}
+    for group in _by_place(survey.readings).values():
+        if len(group) >= 3:
+            middle = median(each.deviation for each in group.values())
+            for run, each in group.items():
+                rests.setdefault(run, []).append(each.deviation - middle)
+    offsets = {run: median(each) for run, each in rests.items() if len(each) >= LEAST_PLACES}
+    if len(offsets) < 3:
+        return []
+    scatter = fmean(abs(rest - offsets[run]) for run in offsets for rest in rests[run])
+    found = []
+    for run, offset in offsets.items():
+        others = [each for number, each in offsets.items() if number != run]
+        gap = max(min(others) - offset, offset - max(others))
+        apart = WIDER * (max(others) - min(others))
+        if gap > max(survey.units.from_mm(LEAST_MM), apart, BEYOND_SCATTER * scatter):
+            found.append(WrongRun(run, Fault.ASIDE, offset - median(others)))
+    return found
