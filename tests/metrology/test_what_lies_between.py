@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gateway.compensation.direction import Direction
-from gateway.compensation.table import make_table
+from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeCase
 from gateway.metrology.errors import ReadingsError
@@ -269,15 +269,15 @@ def test_a_format_of_few_points_says_what_it_costs() -> None:
     readings = screw.survey(screws.targets_of(kind, 81, 0), 0.4, random)
     held = dialect_named("linuxcnc-0")
 
-    def accepts(table: object) -> bool:
-        return len(table.positions) <= 100  # type: ignore[attr-defined]
+    def refusal(table: CorrectionTable) -> str | None:
+        return None if len(table.positions) <= 100 else "a hundred points at most"
 
-    built = build_from(readings, Recipe(fit=Fit.AUTO, periods=kind.periods, accepts=accepts))
+    built = build_from(readings, Recipe(fit=Fit.AUTO, periods=kind.periods, refusal=refusal))
     assert built.evidence is not None
     assert built.evidence.unheld is not None
     assert len(built.table.positions) <= 100
     assert held.write(built.table, WriteOptions()).text
-    assert any("this format does not hold such a table: --to csv does" in note for note in built.notes)
+    assert any("but cannot be written: a hundred points at most" in note for note in built.notes)
 
 
 def test_harmonics_that_were_not_seen_are_not_made_up() -> None:
