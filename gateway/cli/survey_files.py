@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,7 @@ import typer
 from gateway.cli import table_writing
 from gateway.cli.table_output import finding_line, print_lines
 from gateway.compensation.errors import TableError
+from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeCase
@@ -37,6 +39,8 @@ from gateway.tabfile import (
 )
 from gateway.tabfile.resampling import tidied
 
+STEEP = "L1"
+"""Lint of a table that is steeper than the axis allows."""
 NAMES = ", ".join(each.name for each in FORMATS)
 
 ReadingFiles = Annotated[
@@ -119,6 +123,14 @@ KeepScale = Annotated[
     bool,
     typer.Option("--keep-scale", help="Make the table though the readings are wrong by more than 0.3 mm/m."),
 ]
+MaxSlope = Annotated[
+    float | None,
+    typer.Option(
+        "--max-slope",
+        help="Steepest table that may be made, as max_slope of the axis. Default: the line '# max_slope' "
+        "of the readings, or 0.01.",
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite OUT.")]
 
 
@@ -168,27 +180,77 @@ def periods_of_readings(
         ReadingsError: a lead or a period that is no length.
     """
     if lead is None and (stated := survey.facts.get("lead")) is not None:
-        lead = _length(survey.source, "lead", stated)
+        lead = _number(survey.source, "lead", stated, "in the units of the targets", "lead")
     return periods_of(lead, turns or ())
 
 
-def _length(source: str, name: str, stated: str) -> float:
+def _number(source: str, name: str, stated: str, what: str, option: str) -> float:
     try:
         return float(stated)
     except ValueError:
         raise ReadingsError(
-            f"{source}: # {name}: {stated}: it must be a number, in the units of the targets; correct that "
-            f"line, or take it out and give --{name}"
+            f"{source}: # {name}: {stated}: it must be a number, {what}; correct that line, or take it out "
+            f"and give --{option}"
         ) from None
 
 
-def can_hold(target: Dialect, table: CorrectionTable, options: WriteOptions) -> bool:
-    """Whether a table can be written, and would not be refused by the gateway."""
+def refusal(target: Dialect, table: CorrectionTable, options: WriteOptions, max_slope: float) -> str | None:
+    """Say why a table cannot be written, or the gateway would refuse it, and what to do; None: neither."""
     try:
-        written(table, target, options, {})
-    except (TabFileError, TableError):
-        return False
-    return True
+        written(table, target, options, {}, max_slope)
+    except TabFileError as error:
+        if error.problems[0].code is None:
+            return f"this format does not hold it ({error.found}); --to csv does"
+        # a limit of the gateway is one in every format
+        return f"{error.found}; {error.allowed}" if error.allowed else error.found
+    except TableError as error:
+        return str(error)
+    return None
+
+
+def steep_allowed(survey: Survey, told: float | None) -> float:
+    """Return how steep a table may be: as told, or as the readings say, or as axes have it by default.
+
+    Raises:
+        BadParameter: what was told is no slope below 1.
+        ReadingsError: what the readings say is none.
+    """
+    if told is not None:
+        if not 0.0 < told < 1.0:
+            raise typer.BadParameter(
+                f"{told:g}: it must be above 0 and below 1, as max_slope of the axis",
+                param_hint="--max-slope",
+            )
+        return told
+    if (stated := survey.facts.get("max_slope")) is None:
+        return DEFAULT_MAX_SLOPE
+    limit = _number(survey.source, "max_slope", stated, "above 0 and below 1", "max-slope")
+    if not 0.0 < limit < 1.0:
+        raise ReadingsError(f"{survey.source}: # max_slope: {stated}: it must be above 0 and below 1")
+    return limit
+
+
+def steep_notes(table: CorrectionTable) -> list[str]:
+    """Say of a steep table what the axis that uses it needs."""
+    slope = table.max_slope()
+    if slope <= DEFAULT_MAX_SLOPE:
+        return []
+    return [
+        (
+            f"a slope of {slope:.4g}: the axis takes this table with max_slope = {_up(slope):g} in its "
+            f"configuration; it is {DEFAULT_MAX_SLOPE:g} by default"
+        )
+    ]
+
+
+def _up(slope: float) -> float:
+    """Return a slope with two digits that is no smaller.
+
+    >>> _up(0.01131), _up(0.02)
+    (0.012, 0.02)
+    """
+    scale = 10.0 ** (1 - floor(log10(slope)))
+    return round(ceil(slope * scale * (1 - 1e-9)) / scale, 12)
 
 
 def dialect_to_write(name: str) -> Dialect:
@@ -204,11 +266,16 @@ def dialect_to_write(name: str) -> Dialect:
 
 
 def written(
-    table: CorrectionTable, target: Dialect, options: WriteOptions, own_options: Mapping[str, str]
+    table: CorrectionTable,
+    target: Dialect,
+    options: WriteOptions,
+    own_options: Mapping[str, str],
+    max_slope: float,
 ) -> tuple[Written, LoadedTable, float]:
     """Write a table as text and read it back; returns both and the largest difference of a correction.
 
-    ``own_options`` are what this command calls some options of ``table convert``.
+    ``own_options`` are what this command calls some options of ``table convert``; a table that is steeper
+    than ``max_slope`` is refused.
 
     Raises:
         TabFileError: the target cannot hold the table, or the gateway would refuse what it holds.
@@ -224,12 +291,17 @@ def written(
         if "subtract it" in remedy and not table.is_unidirectional:
             remedy += ": --one-way makes one curve that is 0 at home"
         raise TabFileError(replace(error.problems[0], allowed=remedy)) from None
-    context = replace(result.context, format=target.name)
+    context = replace(result.context, format=target.name, max_slope=max_slope)
     again = parse_table(result.text.encode(), f"the {target.name} file", context)
     if again.errors:
         # no line: nothing is written, so there is no file to look into
         raise TabFileError(
-            *(Problem("the new table", lint.message, "", code=lint.code) for lint in again.errors)
+            *(
+                _steep(table, max_slope)
+                if lint.code == STEEP
+                else Problem("the new table", lint.message, "", code=lint.code)
+                for lint in again.errors
+            )
         )
     same = again.table.in_units(table.units)
     difference = max(
@@ -238,6 +310,15 @@ def written(
         for way in APPROACHES
     )
     return result, again, difference
+
+
+def _steep(table: CorrectionTable, limit: float) -> Problem:
+    slope = table.max_slope()
+    remedy = (
+        f"--max-slope {_up(slope):g}, if the screw is really so steep, and max_slope = {_up(slope):g} for "
+        "the axis that uses the table"
+    )
+    return Problem("the new table", f"its slope is {slope:.4g}, above {limit:g}", remedy, code=STEEP)
 
 
 def write_file(out: Path, text: str, *, force: bool, encoding: str = "utf-8") -> None:

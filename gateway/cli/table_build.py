@@ -72,6 +72,7 @@ def build(
     period: shared.Turns = None,
     to_20c: shared.To20 = None,
     keep_scale: shared.KeepScale = False,
+    max_slope: shared.MaxSlope = None,
     counts_per_unit: Counts = None,
     axis: AxisLetter = None,
     units: shared.ReadingsUnits = None,
@@ -117,15 +118,16 @@ def build(
         letter = axis or _letter(survey.axis) or axis_of_name(out.name)
         options = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
         unit = to_units or survey.units
+        steepest = shared.steep_allowed(survey, max_slope)
         recipe = Recipe(
             home, step, tolerance, smooth, drop_outliers, one_way=one_way, travel=travel, fit=fit,
             periods=periods,
-            accepts=lambda each: shared.can_hold(target, each.in_units(unit), options),
+            refusal=lambda each: shared.refusal(target, each.in_units(unit), options, steepest),
         )  # fmt: skip
         built = build_from(survey, recipe)
         table = built.table.in_units(unit)
         try:
-            result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
+            result, again, difference = shared.written(table, target, options, OWN_OPTIONS, steepest)
         except TabFileError:
             _print_doubts(survey)
             raise
@@ -135,6 +137,7 @@ def build(
             *built.notes,
             *notes_of(survey, counts_per_unit, lead=longest(periods)),
             *_one_curve(table, again, target.name),
+            *shared.steep_notes(again.table),
         ]
         shared.write_file(out, result.text, force=force, encoding=result.encoding)
     results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))

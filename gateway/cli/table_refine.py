@@ -55,6 +55,7 @@ def refine(
     lead: shared.Lead = None,
     period: shared.Turns = None,
     to_20c: shared.To20 = None,
+    max_slope: shared.MaxSlope = None,
     told: Told,
     to_counts_per_unit: shared.ToCounts = None,
     to_sense: shared.ToSense = None,
@@ -89,6 +90,7 @@ def refine(
         letter = told.axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(file.name)
         given = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
         options = _as_old(replace(given, is_modulo=is_modulo(loaded, loaded.table)), loaded, target, told)
+        steepest = shared.steep_allowed(survey, max_slope)
         refined = refine_table(
             old,
             survey,
@@ -97,12 +99,13 @@ def refine(
             one_way=one_way,
             fit=fit,
             periods=shared.periods_of_readings(survey, lead, period),
-            accepts=lambda each: shared.can_hold(target, each.in_units(loaded.table.units), options),
+            refusal=lambda each: shared.refusal(target, each.in_units(loaded.table.units), options, steepest),
         )
         refined = replace(refined, notes=(*refined.notes, *notes_of(survey, with_scale=False)))
         table = refined.table.in_units(loaded.table.units)
         options = replace(options, is_modulo=is_modulo(loaded, table))
-        result, again, difference = shared.written(table, target, options, OWN_OPTIONS)
+        result, again, difference = shared.written(table, target, options, OWN_OPTIONS, steepest)
+        refined = replace(refined, notes=(*refined.notes, *shared.steep_notes(again.table)))
         result = replace(result, losses=(*result.losses, *turns_lost(loaded, again.source.modulo)))
         shared.write_file(out, result.text, force=force, encoding=result.encoding)
     if json:

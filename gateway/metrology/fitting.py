@@ -30,8 +30,8 @@ AS_GOOD: Final = 1.05
 """Of the least that any table leaves: a plainer one that leaves no more than this is taken."""
 NOTHING_MM: Final = 0.00005
 """A difference that no instrument shows."""
-TURN_PARTS: Final = (3, 4, 8, 10, 16, 20)
-"""Points in the shortest turn, from coarse to fine."""
+TURN_PARTS: Final = (8, 10, 16, 20)
+"""Points in the shortest turn, from coarse to fine: of fewer straight lines make another wave."""
 GAP_PARTS: Final = (1, 2, 4, 8)
 """Points from one target to the next."""
 JUMP_PARTS: Final = 8
@@ -41,7 +41,7 @@ CLEARLY: Final = 1.25
 SIGNIFICANT: Final = 0.01
 MOST_POINTS: Final = 20_000
 
-Accepts = Callable[[CorrectionTable], bool]
+Refusal = Callable[[CorrectionTable], str | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +52,8 @@ class Points:
     tolerance: float | None = None
     travel: tuple[float, float] | None = None
     one_way: bool = False
-    accepts: Accepts | None = None
-    """Whether the format can hold a table; None: it can hold every one."""
+    refusal: Refusal | None = None
+    """Why a table cannot be written, and what to do; None for one that can."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +70,8 @@ class Candidate:
     """Distance of its points where they were chosen for the curve."""
     at_nut: bool = False
     """Its points are where the nut stood."""
+    refused: str | None = None
+    """Why it cannot be written, and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +84,7 @@ class Evidence:
     harmonics: tuple[Harmonic, ...]
     warnings: tuple[str, ...]
     unheld: Candidate | None = None
-    """What would leave clearly less, but no file of this format holds it."""
+    """What would leave clearly less, but cannot be written."""
     is_told: bool = True
     """Whether the readings tell what is left; otherwise a candidate's ``left_out`` only compares."""
 
@@ -133,8 +135,8 @@ def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
         if evidence.is_told:
             less = f"E = {small.text(other.left_out)} instead of {small.text(chosen.left_out)}"
         notes.append(
-            f"{other.shape.words} in {len(other.table.positions)} points would leave {less}, but this format "
-            "does not hold such a table: --to csv does"
+            f"{other.shape.words} in {len(other.table.positions)} points would leave {less}, but cannot be "
+            f"written: {other.refused}"
         )
     for each in evidence.harmonics:
         # What scatter makes as large has no amplitude: of few targets it would be any number.
@@ -189,9 +191,11 @@ def _of(
     held: list[Candidate] = []
     others: list[Candidate] = []
     for table, step, at_nut in _tables(screw, shape, lines, points, home):
-        found = Candidate(shape, table, screw.misses(shape), screw.leaves(table), step, at_nut=at_nut)
-        is_held = points.accepts is None or points.accepts(table)
-        (held if is_held else others).append(found)
+        refused = points.refusal(table) if points.refusal is not None else None
+        found = Candidate(
+            shape, table, screw.misses(shape), screw.leaves(table), step, at_nut=at_nut, refused=refused
+        )
+        (held if refused is None else others).append(found)
     return held, others
 
 
@@ -206,7 +210,7 @@ def _tables(
     if shape is Shape.LINES:
         is_free = points.step is None and points.tolerance is None
         nut = _at_nut(screw, lines, points, home) if is_free else None
-        if nut is not None and (points.accepts is None or points.accepts(nut)):
+        if nut is not None and (points.refusal is None or points.refusal(nut) is None):
             yield nut, None, True
         else:
             yield lines, None, False

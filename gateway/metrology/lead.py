@@ -8,7 +8,7 @@ two turns.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from math import cos, hypot, isfinite, pi, sin, sqrt
+from math import ceil, cos, hypot, isfinite, pi, sin, sqrt
 from statistics import fmean, median
 from typing import Final
 
@@ -161,26 +161,55 @@ def looks_slow(targets: Sequence[float], period: float) -> bool:
 
 
 def unseen(targets: Sequence[float], periods: Iterable[Period], units: Units) -> tuple[Period, ...]:
-    """Return what targets do not tell from a slower curve: of what is told, or of any screw if nothing is.
+    """Return what targets do not tell from a slower curve: of what is told, and of the step of a grid.
 
-    Nothing is hidden by a grid so fine that only turns which no screw has look slow on it.
+    On an even grid what repeats with its step looks the same at each target, whatever is told beside it.
+    Where something is told, nothing is taken to turn slower than that. A fine run beside the grid shows it,
+    and a grid so fine that only turns which no screw has look slow on it hides nothing.
 
     >>> [each.name for each in unseen([0.0, 20.0, 40.0, 60.0], (), Units.MM)]
     ['the step of 20 and its whole fractions']
+    >>> [each.name for each in unseen([0.0, 10.0, 20.0, 30.0], [Period(40.0, "lead 40")], Units.MM)]
+    ['the step of 10 and its whole fractions']
     >>> unseen([0.0, 1.5, 3.0, 4.5], (), Units.MM)
     ()
     """
     known = tuple(periods)
-    if known:
-        return tuple(
-            each for each in known if is_aliased(targets, each.length) or looks_slow(targets, each.length)
-        )
+    told = tuple(
+        each
+        for each in known
+        if is_aliased(targets, each.length)
+        or looks_slow(targets, each.length)
+        or meets_two_angles(targets, each.length)
+    )
+    return told + _of_the_step(targets, known, units)
+
+
+def _of_the_step(targets: Sequence[float], known: Sequence[Period], units: Units) -> tuple[Period, ...]:
+    """Return the step of the grid that targets lie on, where they do and nothing else shows what it hides."""
     if len(targets) < LEAST_EVEN:
         return ()
     step, moved = _grid(targets)
-    if _is_fine(step, units) or _narrowness(moved, step) <= NARROW:
+    if _is_fine(step, units):
+        return ()
+    longest = step
+    if known:
+        longest = step / ceil(step / max(each.length for each in known) - 1e-9)
+    is_shown = _is_resolved((high - low) / longest for low, high in pairwise(targets))
+    if is_shown or _narrowness(moved, longest) <= NARROW:
         return ()
     return (Period(step, f"the step of {step:.6g} and its whole fractions"),)
+
+
+def meets_two_angles(targets: Sequence[float], period: float) -> bool:
+    """Whether targets meet only two opposite angles of a turn: of its sine and cosine they show one.
+
+    >>> [meets_two_angles([0, step, 2 * step, 3 * step], 20.0) for step in (10, 30, 12, 4)]
+    [True, True, False, False]
+    """
+    if len(targets) < LEAST_EVEN or _is_resolved((high - low) / period for low, high in pairwise(targets)):
+        return False
+    return _narrowness(targets, period / 2) > NARROW >= _narrowness(targets, period)
 
 
 def _is_fine(step: float, units: Units) -> bool:
@@ -253,21 +282,24 @@ def _about(targets: Sequence[float], step: float) -> str:
 
 
 def lead_warnings(targets: Sequence[float], periods: Iterable[Period], units: Units) -> list[str]:
-    """Say what targets will not show, or, where no lead is told, what they may not."""
+    """Say what targets will not show of what is told, and of what is not."""
     known, unit = tuple(periods), units.value
     hidden = unseen(targets, known, units)
     aliased = shown_by(targets, known)[1]
     if aliased:
         return [aliased_warning(targets, aliased, unit)]
-    if known:
-        return [slow_warning(targets, hidden, unit)] if hidden else []
-    return [unknown_lead(targets, each.length, unit) for each in hidden]
+    slow = [each for each in hidden if each in known]
+    if slow:
+        return [slow_warning(targets, slow, unit)]
+    return [step_warning(targets, each.length, unit, is_told=bool(known)) for each in hidden]
 
 
-def unknown_lead(targets: Sequence[float], step: float, unit: str) -> str:
-    """Say of a grid, where no lead is told, which screws it does not show."""
+def step_warning(targets: Sequence[float], step: float, unit: str, *, is_told: bool) -> str:
+    """Say of a grid which errors it does not show, and what to do; ``is_told``: a lead is."""
+    remedy = f"Take random targets with --spread {step:.6g}"
+    if not is_told:
+        remedy += ", and tell the lead of the screw: --lead"
     return (
         f"the targets lie {_about(targets, step)} {unit} apart: an error that repeats every {step:.6g}, "
-        f"{step / 2:.6g}, {step / 3:.6g}… {unit} looks the same at each of them and was not seen. Tell the "
-        "lead of the screw: --lead"
+        f"{step / 2:.6g}, {step / 3:.6g}… {unit} looks the same at each of them and was not seen. {remedy}"
     )

@@ -38,8 +38,8 @@ class Recipe:
     ``step`` asks for an even grid, over ``travel`` if that is told, ``tolerance`` for as few of the targets
     as it allows; not both. ``smooth`` is the window. ``one_way`` makes one curve for both directions.
     ``fit`` is the curve that the table follows; without it, it goes straight from target to target, and
-    nothing is said about what lies between. ``periods`` are what the error may repeat with. ``accepts`` says
-    whether the format of the table can hold one; without it every one can be held.
+    nothing is said about what lies between. ``periods`` are what the error may repeat with. ``refusal`` says
+    why a table cannot be written, and what to do; without it every one can be.
     """
 
     home: HomeCase | HomeReference | None = None
@@ -52,7 +52,7 @@ class Recipe:
     travel: tuple[float, float] | None = None
     fit: Fit | None = None
     periods: tuple[Period, ...] = ()
-    accepts: Callable[[CorrectionTable], bool] | None = None
+    refusal: Callable[[CorrectionTable], str | None] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +193,7 @@ def _choose(screw: "Screw", table: CorrectionTable, recipe: Recipe) -> "Evidence
         why = "; ".join(warnings_of(screw)) if screw.aliased else "tell the lead of the screw: --lead"
         raise ReadingsError(f"harmonics: nothing to fit: {why}")
     wish = Fit.LINES if recipe.smooth is not None else recipe.fit or Fit.LINES
-    points = Points(recipe.step, recipe.tolerance, recipe.travel, recipe.one_way, recipe.accepts)
+    points = Points(recipe.step, recipe.tolerance, recipe.travel, recipe.one_way, recipe.refusal)
     return choose(screw, table, wish, points, recipe.home)
 
 

@@ -71,7 +71,7 @@ def refine_table(
     one_way: bool = False,
     fit: Fit | None = None,
     periods: tuple[Period, ...] = (),
-    accepts: Callable[[CorrectionTable], bool] | None = None,
+    refusal: Callable[[CorrectionTable], str | None] | None = None,
 ) -> Refined:
     """Add what is left of the error to the table that left it (TB058: "Always add the error").
 
@@ -90,7 +90,7 @@ def refine_table(
         one_way: one curve for both directions, as the old table has.
         fit: what the rest follows; None: lines, and nothing is said about what lies between the targets.
         periods: what the rest may repeat with.
-        accepts: whether the format of the new table can hold one; None: every one.
+        refusal: why a new table cannot be written; None: every one can be.
 
     Raises:
         ReadingsError: readings that make no table.
@@ -110,13 +110,17 @@ def refine_table(
     new = _sum(old, rest, positions)
     if screw is not None and points is Points.TABLE:
         wider = _sum(old, rest, _union(positions, rest.positions))
-        is_held = accepts is None or accepts(wider)
-        if is_held and screw.leaves(_less(wider, old)) * CLEARLY < screw.leaves(_less(new, old)):
+        if screw.leaves(_less(wider, old)) * CLEARLY < screw.leaves(_less(new, old)):
+            refused = None if refusal is None else refusal(wider)
             said.append(
                 f"{len(wider.positions)} points instead of {len(positions)}: those of the old table lie too "
                 "far apart for what repeats"
+                if refused is None
+                else f"the points of the old table lie too far apart for what repeats, and "
+                f"{len(wider.positions)} points cannot be written: {refused}"
             )
-            new, positions = wider, list(wider.positions)
+            if refused is None:
+                new, positions = wider, list(wider.positions)
     if home is not None:
         was = correction_at(old, home.position, home.direction)
         new = referenced(new, home)

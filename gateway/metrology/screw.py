@@ -45,7 +45,7 @@ MOST_JOINTED: Final = 500
 DRAWS: Final = 64
 QUANTILES: Final = (0.05, 0.5, 0.95)
 """Of the draws: between the outer two lie nine of ten."""
-LEAST_SPREAD: Final = 1.5
+LEAST_SPREAD: Final = 1.75
 """By so much at least the bounds lie from the middle: the draws know nothing of kinds that were not tried."""
 PLACES: Final = 2000
 MOST_PLACES: Final = 8000
@@ -56,6 +56,9 @@ LEAST_SCATTER_MM: Final = 1e-6
 """Readings without any scatter are computed ones, or those of a file with few digits."""
 WORTH: Final = 4.0
 """Kinds whose logarithmic likelihood is worse by more have no say in what may be between targets."""
+DOUBT: Final = 8.0
+"""Kinds that repeat and are worse by more have no say in its bounds: few targets choose one by luck."""
+DOUBT_DRAWS: Final = 32
 SEED: Final = 20
 ROUNDS: Final = 4
 """So often is the place of the drive for one of the nut found anew, each time nearer by the error's slope."""
@@ -107,8 +110,8 @@ class Screw:
     scatter: float | None
     """Standard deviation of one reading; None where nothing tells it."""
     _places: Array
-    _forward: Array
-    _backward: Array
+    _likely: "_Draws"
+    _doubtful: "tuple[_Draws, ...]"
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -192,7 +195,7 @@ class Screw:
 
         By it tables are compared. As a promise it is :meth:`left_out`, which knows what no target shows.
         """
-        return self._quantiles(table)[1]
+        return self._quantiles(table, self._likely)[1]
 
     @property
     def unseen(self) -> tuple[Period, ...]:
@@ -201,7 +204,10 @@ class Screw:
 
     def left_out(self, table: CorrectionTable) -> LeftOut:
         """Return E of what a table leaves everywhere between the first and the last target."""
-        low, middle, high = self._quantiles(table)
+        low, middle, high = self._quantiles(table, self._likely)
+        for each in self._doubtful:
+            least, _, most = self._quantiles(table, each)
+            low, high = min(low, least), max(high, most)
         low, high = min(low, middle / LEAST_SPREAD), max(high, middle * LEAST_SPREAD)
         high *= may_be_more(self.means.targets, self.periods, self.units)
         hidden = self.unseen
@@ -211,7 +217,7 @@ class Screw:
             return LeftOut(None, low, None, hidden)
         return LeftOut(middle, low, high)
 
-    def _quantiles(self, table: CorrectionTable) -> tuple[float, float, float]:
+    def _quantiles(self, table: CorrectionTable, drawn: "_Draws") -> tuple[float, float, float]:
         """Return quantiles of E over curves that the readings allow.
 
         Each is taken whole: with both directions, and with the corrections at the places to which the table
@@ -225,10 +231,16 @@ class Screw:
         ways = [0, 1]
         if self.reversal is None:
             ways = [0] if any(value is not None for value in self.means.forward) else [1]
-        drawn = (self._forward, self._backward)
         left = np.vstack([added[way][:, None] - _at(drawn[way], self._places, added[way]) for way in ways])
         low, middle, high = np.quantile(left.max(axis=0) - left.min(axis=0), QUANTILES).tolist()
         return low, middle, high
+
+
+class _Draws(NamedTuple):
+    """Curves that the readings allow, one a column, at the places of a screw."""
+
+    forward: Array
+    backward: Array
 
 
 def _at(curves: Array, places: Array, moved: Array) -> Array:
@@ -270,12 +282,13 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
     smooth = min((each for each in kinds if not each.kind.periods), key=lambda each: each.score)
     repeating = [each for each in kinds if each.kind.periods]
     harmonic = min(repeating, key=lambda each: each.score) if repeating else None
-    places, forward, backward = _draw(kinds, reversal, [period.length for period in shown])
+    places = _places(middle, [period.length for period in shown])
+    likely, doubtful = _draw(kinds, reversal, places)
     if scatter is None and is_guessed and reversal is not None:
         scatter = float(np.exp(reversal.sizes["noise"])) * 2**0.5
     return Screw(
         units, means, smooth, harmonic, reversal, _harmonics(harmonic, shown), told, aliased, jumps,
-        unsettled, scatter, places, forward, backward,
+        unsettled, scatter, places, likely, doubtful,
     )  # fmt: skip
 
 
@@ -405,27 +418,36 @@ def _usual(sizes: object, samples: Samples) -> dict[str, float] | None:
     return None if known.get("length", 0.0) < np.log(samples.gap * 3) else known
 
 
-def _draw(
-    kinds: Sequence[Process], reversal: Process | None, periods: Sequence[float]
-) -> tuple[Array, Array, Array]:
-    """Draw curves from every kind that is nearly as good as the best, each as often as it is likely."""
-    samples = kinds[0].samples
+def _places(samples: Samples, periods: Sequence[float]) -> Array:
+    """Return where curves are drawn: so near to each other that every period is followed."""
     wanted = max(PLACES, PLACES_A_PERIOD * samples.span / min(periods, default=samples.span))
-    places = np.linspace(samples.places[0], samples.places[-1], int(min(wanted, MOST_PLACES)))
+    return np.linspace(samples.places[0], samples.places[-1], int(min(wanted, MOST_PLACES)))
+
+
+def _draw(
+    kinds: Sequence[Process], reversal: Process | None, places: Array
+) -> tuple[_Draws, tuple[_Draws, ...]]:
+    """Draw curves from every kind that is nearly as good as the best, each as often as it is likely.
+
+    Beside them stand those of each kind that repeats and may be the right one, likely or not: whether what
+    repeats comes and goes along the screw few targets tell by luck, and the bounds must not hang on that.
+    """
     best = min(each.score for each in kinds)
     near = [each for each in kinds if each.score - best < WORTH]
     weights = np.array([np.exp(best - each.score) for each in near])
     shares = np.floor(np.cumsum(weights / weights.sum()) * DRAWS + 0.5).astype(int)
     random = np.random.default_rng(SEED)
-    middle = np.hstack(
-        [
-            each.draws(places, int(count), random)
-            for each, count in zip(near, np.diff(shares, prepend=0), strict=True)
-            if count
-        ]
-    )
+    counts = zip(near, np.diff(shares, prepend=0), strict=True)
+    middle = np.hstack([each.draws(places, int(count), random) for each, count in counts if count])
+
     half = np.zeros_like(middle) if reversal is None else reversal.draws(places, middle.shape[1], random)
-    return places, middle + half, middle - half
+    may_be = [
+        (each.draws(places, DOUBT_DRAWS, random), half[:, :DOUBT_DRAWS])
+        for each in kinds
+        if each.kind.periods and each.score - best < DOUBT
+    ]
+    likely, *doubtful = [_Draws(each + side, each - side) for each, side in ((middle, half), *may_be)]
+    return likely, tuple(doubtful)
 
 
 def _harmonics(process: Process | None, periods: Sequence[Period]) -> tuple[Harmonic, ...]:

@@ -84,7 +84,7 @@ def test_an_even_grid_on_whole_turns_is_warned_of_with_what_to_measure(
     assert "the targets lie 10 mm apart, a multiple, or near one, of lead 5" in warning
     assert "--from 200 --to 210 --step 0.625" in warning
     untold = good("build", grid, tmp_path / "u.tab")
-    assert any("Tell the lead of the screw: --lead" in note for note in untold["notes"])
+    assert any("tell the lead of the screw: --lead" in note for note in untold["notes"])
 
 
 def test_there_is_no_figure_of_what_no_target_showed(tmp_path: Path, screw: screws.Screw) -> None:
@@ -94,10 +94,10 @@ def test_there_is_no_figure_of_what_no_target_showed(tmp_path: Path, screw: scre
     told = good("build", grid, out, "--to", "csv", "--lead", 5)["predicted"]
     assert (told["left_out_e_um"], told["left_out_e_high_um"]) == (None, None)
     assert 0 < told["left_out_e_low_um"] < 1
-    assert told["left_out_unseen_periods"] == [5.0, 2.5]
+    assert told["left_out_unseen_periods"] == [5.0, 2.5, 20.0]
     why = (
         "not known from these readings: their targets do not tell what repeats with lead 5 and half of lead "
-        "5 from a slower curve"
+        "5 and the step of 20 and its whole fractions from a slower curve"
     )
     assert told["left_out_unknown"] == why
     good("evaluate", grid, "--table", out, "--lead", 5, "--report", page)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gateway.compensation.direction import Direction
-from gateway.compensation.table import make_table
+from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeCase
 from gateway.metrology.errors import ReadingsError
@@ -96,11 +96,12 @@ def test_an_even_grid_may_show_a_turn_as_a_slower_wave() -> None:
     (said,) = lead_warnings(targets, [Period(5.0, "lead 5")], Units.MM)
     assert "lead 5 like one of 30 mm" in said
     assert "--spread 5" in said
-    assert [each.name for each in unseen(targets, periods_of(5.0), Units.MM)] == ["lead 5"]
+    step = "the step of 6 and its whole fractions"
+    assert [each.name for each in unseen(targets, periods_of(5.0), Units.MM)] == ["lead 5", step]
     # 7 mm are 1.4 turns of 5 and 2.8 of 2.5: the second looks like a wave of five steps.
     assert [
         each.name for each in unseen([7.0 * index for index in range(50)], periods_of(5.0), Units.MM)
-    ] == ["half of lead 5"]
+    ] == ["half of lead 5", "the step of 7 and its whole fractions"]
     # Steps of a quarter turn, and random targets, leave nothing open.
     assert unseen([0.625 * index for index in range(50)], periods_of(5.0), Units.MM) == ()
     assert unseen(RANDOM_TARGETS, periods_of(5.0), Units.MM) == ()
@@ -110,13 +111,35 @@ def test_targets_beside_an_even_grid_are_one_too() -> None:
     """Stops up to 0.2 mm beside a grid of 20 mm, as a DRO shows them: a turn of 5 mm does not show."""
     beside = (0.1, -0.2, 0.0, 0.15, -0.1, 0.2, -0.05, 0.05)
     targets = [20.0 * index + beside[index % 8] for index in range(17)]
-    assert [each.length for each in unseen(targets, periods_of(5.0), Units.MM)] == [5.0, 2.5]
+    assert [each.length for each in unseen(targets, periods_of(5.0), Units.MM)][:2] == [5.0, 2.5]
     (hidden,) = unseen(targets, (), Units.MM)
     assert hidden.length == pytest.approx(20.0, abs=0.02)
     assert "about 20 mm apart" in lead_warnings(targets, (), Units.MM)[0]
     # The same beside a grid of 6 mm, of which one target is missing.
     slow = [6.0 * index + beside[index % 8] for index in range(40) if index != 7]
-    assert [each.name for each in unseen(slow, periods_of(5.0), Units.MM)] == ["lead 5"]
+    assert [each.name for each in unseen(slow, periods_of(5.0), Units.MM)][:1] == ["lead 5"]
+
+
+@pytest.mark.parametrize("lead", [None, 40.0, 100.0])
+def test_an_even_grid_names_its_step_whatever_lead_is_told(lead: float | None) -> None:
+    """A motor that turns once in 10 mm behind a lead of 40: targets 10 mm apart see nothing of its 8 µm."""
+    targets = [10.0 * index for index in range(41)]
+    hidden = unseen(targets, periods_of(lead), Units.MM)
+    assert "the step of 10 and its whole fractions" in [each.name for each in hidden]
+    error = screws.total(screws.wave(8, 10, 1.0), screws.wave(10, 450, 0.3))
+    built = build_from(survey(targets, error), Recipe(fit=Fit.AUTO, periods=periods_of(lead)))
+    assert built.screw is not None
+    left_out = built.screw.left_out(built.table)
+    assert (left_out.e, left_out.high) == (None, None)
+    assert "the step of 10" in left_out.unknown
+    (said,) = lead_warnings(targets, periods_of(lead), Units.MM)
+    assert "--spread" in said
+
+
+def test_two_opposite_angles_of_a_turn_do_not_show_it() -> None:
+    targets = [10.0 * index for index in range(41)]
+    first, *_ = unseen(targets, periods_of(40.0), Units.MM)
+    assert first.name == "half of lead 40"
 
 
 @pytest.mark.parametrize("spread", [2.0, 4.5])
@@ -270,15 +293,15 @@ def test_a_format_of_few_points_says_what_it_costs() -> None:
     readings = screw.survey(screws.targets_of(kind, 81, 0), 0.4, random)
     held = dialect_named("linuxcnc-0")
 
-    def accepts(table: object) -> bool:
-        return len(table.positions) <= 100  # type: ignore[attr-defined]
+    def refusal(table: CorrectionTable) -> str | None:
+        return None if len(table.positions) <= 100 else "a hundred points at most"
 
-    built = build_from(readings, Recipe(fit=Fit.AUTO, periods=kind.periods, accepts=accepts))
+    built = build_from(readings, Recipe(fit=Fit.AUTO, periods=kind.periods, refusal=refusal))
     assert built.evidence is not None
     assert built.evidence.unheld is not None
     assert len(built.table.positions) <= 100
     assert held.write(built.table, WriteOptions()).text
-    assert any("this format does not hold such a table: --to csv does" in note for note in built.notes)
+    assert any("but cannot be written: a hundred points at most" in note for note in built.notes)
 
 
 def test_harmonics_that_were_not_seen_are_not_made_up() -> None:
@@ -414,6 +437,16 @@ def test_the_bounds_of_a_prediction_hold_it_and_lie_a_factor_apart() -> None:
     assert left_out.high >= left_out.e * 1.5
 
 
+@pytest.mark.parametrize("seed", [5, 16, 34])
+def test_the_upper_bound_does_not_hang_on_the_kind_that_few_targets_choose_by_luck(seed: int) -> None:
+    """21 targets of a screw whose turn comes and goes: one that is the same all along explains them as well.
+
+    6 to 9 µm were left where the bound was 5 to 6.6.
+    """
+    kind = next(each for each in screws.KINDS if "lead 5 told" in each.name and not each.is_even)
+    assert screws.case(kind, 21, kind.noise_um, seed).is_below
+
+
 @pytest.mark.parametrize("kind", screws.KINDS, ids=lambda kind: kind.name)
 def test_a_table_leaves_what_it_says_and_no_more_than_the_best(kind: screws.Kind) -> None:
     found = [
@@ -424,7 +457,8 @@ def test_a_table_leaves_what_it_says_and_no_more_than_the_best(kind: screws.Kind
     assert all(each.is_good for each in found)
     assert sum(each.is_within for each in found) >= 3
     told = [each for each in found if each.predicted is not None]
-    assert sum(each.is_near for each in told) >= len(told) - 1
+    # A step between two targets has a bound; how near the figure is the place of the step decides.
+    assert "butt joint" in kind.name or sum(each.is_near for each in told) >= len(told) - 1
     # At even targets, where no lead is told or the lead is hidden, there is no figure; nor where few random
     # ones happen to lie near a grid.
     if kind.is_even and kind.length > 200:

@@ -81,12 +81,12 @@ def outcome_of(
     is_active: bool,
     periods: tuple[Period, ...] = (),
     step: float | None = None,
-    accepts: Callable[[CorrectionTable], bool] | None = None,
+    refusal: Callable[[CorrectionTable], str | None] | None = None,
 ) -> Outcome:
     """Evaluate the readings and make the table of them, along the curve that leaves least between targets.
 
     ``periods`` are what the error may repeat with. ``step`` lays an even grid over the travel, for a new
-    table. ``accepts`` says whether the format can hold a table.
+    table. ``refusal`` says why a table cannot be written.
 
     Raises:
         MeasureError: they make no table.
@@ -107,7 +107,7 @@ def outcome_of(
         if is_active:
             assert active is not None
             refined = refine_table(
-                active, survey, home=_home(axis, survey), fit=Fit.AUTO, periods=periods, accepts=accepts
+                active, survey, home=_home(axis, survey), fit=Fit.AUTO, periods=periods, refusal=refusal
             )
             done: Refined | Built = refined
             left_out = refined.left_out
@@ -116,7 +116,7 @@ def outcome_of(
                 home=_home(axis, survey, is_over_travel=step is not None),
                 fit=Fit.AUTO,
                 periods=periods,
-                accepts=accepts,
+                refusal=refusal,
                 step=step,
                 travel=axis.settings.travel if step is not None else None,
             )
@@ -278,15 +278,22 @@ def points_of(targets: Sequence[float], step: float | None, axis: AxisPlan) -> S
         raise FileError(f"--table-step: {error}") from None
 
 
-def can_hold(format_name: str, table: CorrectionTable, axis: AxisPlan, section: AxisSection) -> bool:
-    """Whether a dialect can hold a table, and the axis's limits let it pass."""
-    if table.max_correction() > axis.settings.max_correction or table.max_slope() > axis.settings.max_slope:
-        return False
+def refusal(format_name: str, table: CorrectionTable, axis: AxisPlan, section: AxisSection) -> str | None:
+    """Say why a dialect cannot hold a table, or which of the axis's limits forbids it; None: neither."""
+    settings = axis.settings
+    for key, found, limit in (
+        ("max_correction", table.max_correction(), settings.max_correction),
+        ("max_slope", table.max_slope(), settings.max_slope),
+    ):
+        if found > limit:
+            return f"{found:.4g} is above {key} = {limit:g} of axis {axis.name}: raise it if that is right"
     try:
         dialect_named(format_name).write(table, write_options_of(section, axis.name))
-    except (TabFileError, TableError):
-        return False
-    return True
+    except TabFileError as error:
+        return f"this format does not hold it ({error.found}); --out-format csv does"
+    except TableError as error:
+        return str(error)
+    return None
 
 
 def write_table(

@@ -32,6 +32,7 @@ from gateway.cli.measuring.running import Manners
 from gateway.cli.measuring.session import Place, Seen, Session, endpoint_of, look
 from gateway.cli.measuring.setting import Grid, Reader, Scale, instrument_of, manners_of, plan_of
 from gateway.cli.measuring.showing import AsBar, AsJson, AsLines, Showing
+from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.config.axis_model import AxisSection
 from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.messages import GetStatus, Ping, Status
@@ -233,6 +234,8 @@ class _Work:
             facts = facts_of(plan, axis.name, seen.compensation.fact, self._units)
             if self._lead is not None:
                 facts["lead"] = f"{self._lead:.9g}"
+            if axis.settings.max_slope != DEFAULT_MAX_SLOPE:
+                facts["max_slope"] = f"{axis.settings.max_slope:g}"
             file.create({**facts, "instrument": instrument.title, "measured": now})
         try:
             yield file
@@ -262,7 +265,7 @@ class _Work:
             found = outcome.outcome_of(
                 survey, self._axis, is_active=seen.compensation.is_active, periods=self._periods,
                 step=self._table_step,
-                accepts=lambda table: outcome.can_hold(self._out_format, table, self._axis, self._section),
+                refusal=lambda table: outcome.refusal(self._out_format, table, self._axis, self._section),
             )  # fmt: skip
             notes = []
             if wish.out is not None:
