@@ -79,9 +79,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         axis=axis,
         file_axis=axis,
         plausible=(0.0, _PLAUSIBLE_MM),
-        remarks=tuple(
-            _gap(line) for line in gaps if rows[0].forward_line < line.number < rows[-1].forward_line
-        ),
+        remarks=tuple(_gap(line) for line in gaps if first < line.number < last),
         decisions=(f"axis {axis} of {listed(tables)}", f"sense {sense.value}: told"),
     )
 
