@@ -100,6 +100,9 @@ fuzz: setup ## inputs that nobody thought of; TARGET=… one target, SECONDS=…
 		|| { echo "make fuzz needs atheris, which pip could not install (see above): connect this machine, or take Python 3.11 to 3.14 on x86-64 Linux with glibc" >&2; exit 1; }
 	@$(BIN)/python -m tests.fuzz $(TARGET) --seconds $(or $(SECONDS),60)
 
+same: setup test-programs ## plays this tree against the commit of tests/same/baseline, byte by byte; SAME="--only ledger"
+	@$(BIN)/python -m tests.same $(SAME)
+
 house: setup ## how large the program is and how many parts it has; REVISIONS="A B": side by side
 	@$(BIN)/python -m tools.house --walks $(REVISIONS)
 
