@@ -37,7 +37,7 @@ from gateway.tabfile import (
     dialect_named,
     parse_table,
 )
-from gateway.tabfile.resampling import tidied
+from gateway.tabfile.resampling import MEASURED_DECIMALS, tidied
 
 STEEP = "L1"
 """Lint of a table that is steeper than the axis allows."""
@@ -280,7 +280,7 @@ def written(
     Raises:
         TabFileError: the target cannot hold the table, or the gateway would refuse what it holds.
     """
-    table = tidied(table)
+    table = tidied(table, MEASURED_DECIMALS)
     try:
         result = table_writing.write_text(table, target, options)
     except TabFileError as error:

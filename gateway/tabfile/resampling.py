@@ -11,6 +11,8 @@ from gateway.tabfile.errors import Problem, TabFileError
 MAX_POINTS: Final = 100_000
 DECIMALS: Final = 11
 """Of a unit: far below what any instrument or drive shows, and above what sums leave behind."""
+MEASURED_DECIMALS: Final = 7
+"""Of a unit: a tenth of a nanometre, where instruments show a hundred times as much."""
 ON_GRID: Final = 1e-6
 """An end that lies within this fraction of a step from a point of the grid is that point."""
 
@@ -61,8 +63,10 @@ def resample(table: CorrectionTable, step: float, name: str) -> Resampled:
     return Resampled(even, difference, at)
 
 
-def tidied(table: CorrectionTable) -> CorrectionTable:
+def tidied(table: CorrectionTable, decimals: int = DECIMALS) -> CorrectionTable:
     """Return a table that was computed, without what sums left behind the last digit that means anything.
+
+    Of one that was measured that is :data:`MEASURED_DECIMALS`.
 
     >>> from gateway.compensation.units import Units
     >>> table = make_table([0.1, 0.1 + 0.2], [400.0123 - 400.0, 1e-9], [0.0, 0.0], Units.MM)
@@ -70,7 +74,7 @@ def tidied(table: CorrectionTable) -> CorrectionTable:
     (0.30000000000000004, 0.3, 0.012299999999981992, 0.0123)
     """
     positions, *curves = (
-        [round(number, DECIMALS) + 0.0 for number in numbers]
+        [round(number, decimals) + 0.0 for number in numbers]
         for numbers in (table.positions, table.forward, table.backward)
     )
     if len(set(positions)) < len(positions):

@@ -43,6 +43,14 @@ def oracle(tmp_path: Path) -> Path:
     return path
 
 
+def test_a_csv_of_readings_has_no_digits_that_no_instrument_shows(oracle: Path, tmp_path: Path) -> None:
+    good("build", oracle, tmp_path / "x.csv", "--to", "csv")
+    rows = [line for line in (tmp_path / "x.csv").read_text().splitlines() if line[:1] in "-0123456789"]
+    numbers = [number for row in rows for number in row.split(",")]
+    assert len(numbers) >= 3 * len(REPORTS[ORACLE]["forward"])
+    assert max(len(number.partition(".")[2]) for number in numbers) <= 7
+
+
 AS_PRINTED = """DRO position\tMeasured position\tCalculated encoder count value
 0.5\t0.4995\t20 = 5 * 8000 * (0.5 - 0.4995)
 1\t0.9997\t12
