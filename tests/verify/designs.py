@@ -353,6 +353,8 @@ def _movers_perhaps_gone(answer: tuple[Happening, ...]) -> tuple[Happening, ...]
     return (("ask", 0, "to", 0, 0), ("drive", "ack"), *answer, ("switch",), *BOTH_TO)
 
 
+KEPT_BESIDE_ANEW: Final = (*BOTH_TO, ("switch",), *ask("to", 1, axis=1), *ask("to", 0))
+"""One axis goes by what was switched, and another one is told the same as before."""
 STORED_PASS: Final = replace(STAGED, passes_stored_moves=True)
 TIME: Final = ("arrive", "wait")
 CLOSING: Final = (
@@ -776,7 +778,7 @@ CLOSING: Final = (
         answers=("ack", "obey-refuse", "obey"),
         is_answered=False,
         judges_blocks=False,
-        ways=tuple(_movers_perhaps_gone(each) for each in UNPROVEN),
+        ways=(*(_movers_perhaps_gone(each) for each in UNPROVEN), KEPT_BESIDE_ANEW),
     ),
     _small_staged(
         "s-group-refused",
