@@ -870,8 +870,8 @@ def test_a_mover_that_may_have_gone_fixes_it_too(lost_ms: float, end: int) -> No
 # --- words of another switch, table or gain ----------------------------------------------------------------
 
 
-def apart(bench: BeamBench) -> BeamBench:
-    """Only y1 goes to 60 mm, y2 stays at 50; then the compensation is switched off."""
+def apart(bench: BeamBench, elsewhere: float = 50_010) -> BeamBench:
+    """Only y1 goes to 60 mm, y2 stays where it is; then the compensation is switched off."""
     bench.stage(1, 60_000)
     bench.run(1)
     bench.settle()
@@ -880,7 +880,7 @@ def apart(bench: BeamBench) -> BeamBench:
         for unit_id in (1, 2):
             bench.to(unit_id, STATUS_PDU)
             bench.to(unit_id, read(ACTUAL))
-    assert bench.ends() == [60_010, 50_010]
+    assert bench.ends() == [60_010, elsewhere]
     bench.switch(is_wanted=False)
     bench.log.clear()
     return bench
@@ -893,6 +893,22 @@ def test_where_one_goes_by_what_is_asked_for_none_keeps_its_words(order: tuple[i
     for unit_id in (1, 2):
         bench.stage(unit_id, 60_000)
     for unit_id in order:
+        bench.run(unit_id)
+    assert bench.ends() == [60_000, 60_000]
+
+
+def test_where_nothing_may_be_added_each_target_written_again_goes_by_what_is_asked_for() -> None:
+    """y1 was written with its words of before, for nobody knew yet what y2 is told: refused once."""
+    bench = BeamBench(added_frames=False)
+    bench.go(50_000)
+    bench.go(55_000)
+    apart(bench, elsewhere=55_010)
+    for unit_id in (1, 2):
+        bench.stage(unit_id, 60_000)
+    assert bench.to(1, RUN_PDU) == bytes.fromhex("86 04")
+    for unit_id in (1, 2):
+        bench.stage(unit_id, 60_000)
+    for unit_id in (1, 2):
         bench.run(unit_id)
     assert bench.ends() == [60_000, 60_000]
 
