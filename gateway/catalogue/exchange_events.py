@@ -145,8 +145,8 @@ GROUP_HELD: Final = EventEntry(
 GROUP_SKEWED: Final = EventEntry(
     "group-skewed",
     Severity.ERROR,
-    "an axis of a group has gone, and the target of another one was refused: the beam is skewed by as much "
-    "as the detail says; the gateway stops nothing by itself",
+    "an axis of a group has gone, or may have, and the target of another one was refused: the beam is skewed "
+    "by as much as the detail says; the gateway stops nothing by itself",
     "the drive refused its trigger or did not answer, or its target was lost before",
     "stop the axes where the machine cannot bear it; else write the target of the refused axis again and "
     "run it",

@@ -26,7 +26,7 @@ def settle_groups(request: Request) -> bool:
     """Let a new round begin where an axis that has gone is given another target; return whether one has."""
     for meaning in request.meanings:
         fixed = meaning.axis.fixed
-        has_gone = fixed is not None and fixed.has_gone
+        has_gone = fixed is not None and (fixed.has_gone or fixed.may_have_gone)
         if has_gone and meaning.action.runs_target and _goes_elsewhere(request, meaning):
             meaning.axis.begin_group_anew()
             return True
@@ -85,15 +85,15 @@ def _is_first(meaning: Meaning) -> bool:
 def _goes_elsewhere(request: Request, meaning: Meaning) -> bool:
     """Whether a request sends an axis that has gone to another place than where it went."""
     axis = meaning.axis
-    accepted = axis.compensation.accepted
-    if meaning.action.is_relative or accepted is None:
+    accepted, is_unproven = axis.compensation.accepted, axis.fixed is not None and axis.fixed.may_have_gone
+    if meaning.action.is_relative or (accepted is None and not is_unproven):
         return True
     if meaning.runs_alone:
         words = None if meaning.number is None else axis.fields[meaning.number].nominal_words
-        return words is None or not _is_at(axis, meaning.number or 0, words, accepted.nominal_counts)
+        return words is None or not _is_at(axis, meaning.number or 0, words)
     for write in request.writes:
         for hit, words, is_run in write.fields if write.axis is axis else ():
-            if not is_run or (words and _is_at(axis, hit.place.number, words, accepted.nominal_counts)):
+            if not is_run or (words and _is_at(axis, hit.place.number, words)):
                 continue
             access = request.frame.access
             if hit.is_whole or access.is_mask or not access.is_consistent:
@@ -104,9 +104,12 @@ def _goes_elsewhere(request: Request, meaning: Meaning) -> bool:
     return False
 
 
-def _is_at(axis: Axis, number: int, words: bytes, nominal_counts: float) -> bool:
-    field = axis.plan.command[number]
-    return counts_of(field, field.unpack(words)) == nominal_counts
+def _is_at(axis: Axis, number: int, words: bytes) -> bool:
+    """Whether a target is the one to which its axis has gone, or may have."""
+    field, accepted = axis.plan.command[number], axis.compensation.accepted
+    if accepted is None:
+        return axis.may_have_gone_to(number, words)
+    return counts_of(field, field.unpack(words)) == accepted.nominal_counts
 
 
 def _decide_anew(request: Request, axis: Axis) -> None:
@@ -115,10 +118,10 @@ def _decide_anew(request: Request, axis: Axis) -> None:
     is_other = False
     for member in members:
         name, is_referenced, wanted = member.plan.name, member.goes_as_referenced, member.wanted
-        before = known.decided_by.get(name)
-        if before is not None and (before[0] is not is_referenced or before[1] is not wanted):
-            is_other = True
-        known.decided_by[name] = (is_referenced, wanted)
+        keeps, before = member.keeps_other_words, known.decided_by.get(name)
+        if before is not None:
+            is_other |= before[0] is not is_referenced or before[1] is not wanted or before[2] is not keeps
+        known.decided_by[name] = (is_referenced, wanted, keeps)
     for member in members if is_other else ():
         known.runs.pop(member.plan.name, None)
         known.peer_runs.pop(member.plan.name, None)

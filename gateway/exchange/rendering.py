@@ -89,13 +89,16 @@ def render(
     field_ = axis.plan.command[number]
     raw = field_.unpack(nominal_words)
     is_passing = axis.passes_unchanged
+    spec = axis.spec_of_words(number, nominal_words)
+    is_kept = spec is None or axis.may_keep_words(spec)
     unproven = axis.unproven if axis.unproven and _is_unproven(axis.unproven, number, nominal_words) else None
+    unproven = unproven if is_kept else None
     if unproven is not None and axis.compensation.is_stream and not is_passing:
         return unproven  # the drive may hold it: the same setpoint is the same words (M4)
     if needs_offset(axis):
         axis.begin_stream(number, nominal_words, seen.fresh, seen.now_ns)
         is_passing = axis.passes_unchanged
-    keeping = axis.keeping(number, nominal_words)
+    keeping = axis.keeping(number, nominal_words) if is_kept else Keeping.NEW
     if keeping is Keeping.SAME_WORDS:
         return _again(axis)
     if keeping is Keeping.UNSEEN:
@@ -110,7 +113,7 @@ def render(
             return Rendering(number, nominal_words, nominal_words, 0.0, None)
         raise RefusedPositionError(f"{raw} is not a position")
     try:
-        move = _plan_move(axis, counts_of(field_, raw), seen)
+        move = _plan_move(axis, counts_of(field_, raw), seen, is_kept=is_kept)
         if move.state.is_unsure and unproven is not None:
             return _flagged(unproven)  # nothing tells better: the same target is the same words (M4)
         corrected_words = nominal_words
@@ -183,10 +186,13 @@ def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
     if axis.wanted is NOTHING or not axis.goes_as_referenced:
         return False
     accepted = axis.compensation.accepted
-    if accepted is not None and accepted.nominal_counts == nominal_counts:
+    is_same = accepted is not None and accepted.nominal_counts == nominal_counts
+    if is_same and axis.may_keep_words(axis.compensation.state.spec):
         return axis.whereabouts in MAY_BE_ELSEWHERE  # is it still there? (M4)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return False
+    if is_same:
+        return axis.has_branches and not axis.has_arrived
     return axis.has_branches and _known_place(axis, nominal_counts, now_ns) is None
 
 
@@ -278,11 +284,13 @@ def _flagged(unproven: Rendering) -> Rendering:
     return unproven._replace(move=move._replace(state=move.state._replace(is_unsure=True)))
 
 
-def _plan_move(axis: Axis, nominal_counts: Counts, seen: Seen, place: Place | None = None) -> Move:
+def _plan_move(
+    axis: Axis, nominal_counts: Counts, seen: Seen, place: Place | None = None, *, is_kept: bool = True
+) -> Move:
     compensation = axis.compensation
     accepted = compensation.accepted
     now_ns, fresh, _ = seen
-    if accepted is not None and accepted.nominal_counts == nominal_counts:
+    if is_kept and accepted is not None and accepted.nominal_counts == nominal_counts:
         again = compensation.again()  # the same target, perhaps through another register of the axis
         return again._replace(state=again.state._replace(is_unsure=True)) if lacks_look(axis, seen) else again
     if axis.terms is not None and axis.terms.is_due(now_ns):
@@ -291,7 +299,11 @@ def _plan_move(axis: Axis, nominal_counts: Counts, seen: Seen, place: Place | No
         return compensation.plan(nominal_counts, None, now_ns)
     is_doubtful = fresh is None and _is_doubtful(axis, now_ns, Action.ABSOLUTE)
     is_doubtful |= accepted is None and axis.plan.queues_targets  # other targets may wait before this one
-    place = place or _known_place(axis, nominal_counts, now_ns)
+    if accepted is not None and accepted.nominal_counts == nominal_counts:
+        # Made anew, of a group: by how much its words change is all that it goes (M11).
+        place = Place(accepted.corrected_counts, PlaceKind.ON_DRIVE) if axis.has_arrived else place
+    else:
+        place = place or _known_place(axis, nominal_counts, now_ns)
     if place is None and fresh is not None:
         place = _measured(axis, fresh)
         is_doubtful |= _may_have_passed(axis, nominal_counts, fresh, now_ns)

@@ -61,8 +61,9 @@ class Known:
     """What a trigger runs, by axis: decided once for each request (M2)."""
     peer_runs: dict[str, Rendering] = field(default_factory=dict)
     """What the other axes of its group hold and have to run, by axis (M11)."""
-    decided_by: dict[str, tuple[bool, CorrectionSpec]] = field(default_factory=dict)
-    """What those were decided by: whether each axis goes as one that is referenced, and its correction."""
+    decided_by: dict[str, tuple[bool, CorrectionSpec, bool]] = field(default_factory=dict)
+    """What those were decided by: whether each axis goes as one that is referenced, its correction, and
+    whether it keeps words of another one."""
 
 
 NOTHING_KNOWN: Final = Known()
@@ -170,6 +171,7 @@ def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int, follows
             fields.append(CommandWrite(hit, words, is_run))
             if is_run and is_again:
                 is_again = words is not None and axis.is_repeat(place.number, words)
+                is_again = is_again and axis.may_keep_words(axis.compensation.state.spec)
                 has_last = has_last or place.number == axis.last_number
         writes.append(AxisWrite(axis, meaning, action, fields, cut, is_again and has_last))
     return Request(frame, found, writes, known, now_ns, arrived_ns, follows_ns)

@@ -531,7 +531,9 @@ def _foreseen(request: Request, meaning: Meaning, hit: FieldHit, words: bytes) -
     axis, number, image = hit.place.axis, hit.place.number, hit.place.image
     assert image is not None
     now = Seen(request.now_ns, None)
-    if image.nominal_words == words and image.corrected_words is not None and not image.is_torn:
+    spec = axis.spec_of_words(number, words)
+    is_kept = spec is None or axis.may_keep_words(spec)
+    if is_kept and image.nominal_words == words and image.corrected_words is not None and not image.is_torn:
         return image.corrected_words
     if axis.keeping(number, words) is Keeping.UNSEEN:
         return words  # its trigger is refused until a reading tells what it is

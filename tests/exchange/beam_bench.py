@@ -39,6 +39,8 @@ class BeamBench(Bench):
         self.not_homed: set[int] = set()
         self.refuses: list[tuple[int, bytes, bytes | None]] = []
         """Frames that a drive answers so, once, and does not obey; None: it says nothing."""
+        self.hides: list[tuple[int, bytes, bytes | None]] = []
+        """The same of frames that it obeys all the same."""
         self.log: list[tuple[int, str]] = []
         """What came to each drive, in order."""
         names = [plan.name for plan in plans]
@@ -50,11 +52,14 @@ class BeamBench(Bench):
         while self.link.sent:
             unit_id, pdu = self.link.sent.pop(0)
             self.log.append((unit_id, pdu.hex(" ")))
-            found = next(
-                (each for each in self.refuses if each[0] == unit_id and pdu.startswith(each[1])), None
-            )
+            odd = [*self.refuses, *self.hides]
+            found = next((each for each in odd if each[0] == unit_id and pdu.startswith(each[1])), None)
             if found is not None:
-                self.refuses.remove(found)
+                if found in self.hides:
+                    self.hides.remove(found)
+                    self.drives[unit_id].answer(pdu)
+                else:
+                    self.refuses.remove(found)
                 if found[2] is None:
                     self.wait(2_000)
                 else:

@@ -12,10 +12,12 @@ from tests.verify.designs_rules import designs as designs_of_rules
 from tests.verify.screw import WORN
 from tests.verify.world import (
     DONE_DROP_TICKS,
+    DRAIN_TICKS,
     LOST_TICKS,
     TICK_MS,
     UNSEEN_TICKS,
     Design,
+    Happening,
 )
 
 ONLY_DONE: Final = {"done": BITS["done"]}
@@ -328,6 +330,31 @@ LOST_BETWEEN: Final = (
     ("homed_bit", 1),
     *ask("status-wide", axis=1),
 )
+UNPROVEN: Final[tuple[tuple[Happening, ...], ...]] = (
+    (("drive", "obey-refuse"),),
+    (("drive", "obey"), *(("wait",),) * (2 + DRAIN_TICKS)),
+)
+"""The last frame is obeyed, and its answer proves nothing of that, or does not come."""
+BOTH_TO: Final = (*ask("to", 0), *ask("to", 0, axis=1))
+BOTH_RUN: Final = (*ask("run"), *ask("run", axis=1))
+
+
+def _perhaps_gone(answer: tuple[Happening, ...], change: Happening) -> tuple[Happening, ...]:
+    """The first trigger is not proven, something changes, and both are told the same once more."""
+    bits = (*ask("status-wide"), *ask("status-wide", axis=1)) if change[0] == "homed_bit" else ()
+    # Of each axis the place is read and the target written anew.
+    first = (*BOTH_TO, *bits, ("ask", 0, "run", 0), *(("drive", "ack"),) * 4, *answer)
+    told = ask("status-wide", axis=1) if bits else ()
+    return (*first, *ask("run", axis=1), change, *told, *BOTH_TO, *BOTH_RUN)
+
+
+def _movers_perhaps_gone(answer: tuple[Happening, ...]) -> tuple[Happening, ...]:
+    """The same of drives that go as they are written."""
+    return (("ask", 0, "to", 0, 0), ("drive", "ack"), *answer, ("switch",), *BOTH_TO)
+
+
+KEPT_BESIDE_ANEW: Final = (*BOTH_TO, ("switch",), *ask("to", 1, axis=1), *ask("to", 0))
+"""One axis goes by what was switched, and another one is told the same as before."""
 STORED_PASS: Final = replace(STAGED, passes_stored_moves=True)
 TIME: Final = ("arrive", "wait")
 CLOSING: Final = (
@@ -715,9 +742,14 @@ CLOSING: Final = (
         _staged(name="y", unit_id=2),
         menu=("to", "run"),
         groups=(("x", "y"),),
-        happenings=("switch",),
-        answers=("ack",),
-        is_answered=True,
+        happenings=(
+            "switch",
+            "wait",
+        ),
+        answers=("ack", "obey-refuse", "obey"),
+        is_answered=False,
+        judges_blocks=False,
+        ways=tuple(_perhaps_gone(each, ("switch",)) for each in UNPROVEN),
     ),
     _small_staged(
         "s-group-bit",
@@ -726,13 +758,13 @@ CLOSING: Final = (
         _staged(name="y", unit_id=2, referenced=Reference.DRIVE_BIT, bits=BITS),
         menu=("to", "run", "status-wide"),
         groups=(("x", "y"),),
-        happenings=("homed_bit", "arrive"),
-        answers=("ack",),
-        is_answered=True,
+        happenings=("homed_bit", "arrive", "wait"),
+        answers=("ack", "obey-refuse", "obey"),
+        is_answered=False,
         horizon_ticks=14,
         judges_blocks=False,
         checks_way_back=False,
-        ways=(LOST_BETWEEN,),
+        ways=(LOST_BETWEEN, *(_perhaps_gone(each, ("homed_bit", 1)) for each in UNPROVEN)),
     ),
     _small(
         "s-group-movers",
@@ -742,9 +774,11 @@ CLOSING: Final = (
         menu=("to",),
         targets=(9007, 5003),
         groups=(("x", "y"),),
-        happenings=("switch", "arrive"),
-        answers=("ack",),
-        is_answered=True,
+        happenings=("switch", "arrive", "wait"),
+        answers=("ack", "obey-refuse", "obey"),
+        is_answered=False,
+        judges_blocks=False,
+        ways=(*(_movers_perhaps_gone(each) for each in UNPROVEN), KEPT_BESIDE_ANEW),
     ),
     _small_staged(
         "s-group-refused",

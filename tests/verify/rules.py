@@ -357,6 +357,16 @@ def _made_with(axis: "Axis", aim: "Aim", nominal: int, end: int) -> "Aim | Run |
     return aim
 
 
+def _is_of_another(world: "World", made: "Aim | Run | Tried", aim: "Aim", nominal: int, end: int) -> bool:
+    """Whether the words of a target were made with another switch, table or gain, and say so."""
+    if (made.state in PASSING) is (aim.state in PASSING):
+        is_same = (made.table, made.is_gain_half) == (aim.table, aim.is_gain_half)
+        if made is aim or aim.state in PASSING or is_same:
+            return False
+    right = (nominal, nominal) if aim.state in PASSING else _branches(world, nominal, aim)
+    return all(abs(end - each) > ROUNDING for each in right)
+
+
 def _is_tried(aim: "Aim", nominal: int, end: int) -> bool:
     tried = aim.tried
     return tried is not None and (tried.nominal_counts, tried.end_counts) == (nominal, end)
@@ -541,6 +551,9 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
         is_flagged |= (kept.nominal_counts, kept.end_counts) == (nominal, end)
     is_unsure = aim.is_unsure or is_flagged or not is_certain
     made = aim if aim.base is not None else _made_with(axis, aim, nominal, end)
+    if world.design.groups and not world.design.is_stream:
+        beams.goes(world, number, nominal, is_kept=_is_of_another(world, made, aim, nominal, end))
+        axis = world.state.axes[number]
     if made is not aim and is_passing:  # words of before: who is off does not say how sure they were
         is_unsure = True
     is_set_out = axis.stopped is not None and not axis.stopped.is_recalled
@@ -635,7 +648,10 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
             run.is_unsure or aim.is_unsure or (is_other and (run.is_restarted or is_away or not is_known))
         )
         # Of a group the targets of before a lost reference count all, or none (M11).
-        is_excused |= bool(world.design.groups) and is_other and _is_another_away(world, axis)
+        is_lost = "unreferenced" in (run.state, aim.state)
+        is_excused |= bool(world.design.groups) and is_other and is_lost and _is_another_away(world, axis)
+        number = next(each for each, other in enumerate(world.state.axes) if other is axis)
+        is_excused |= bool(world.design.groups) and is_other and beams.is_anew(world, number)
         # A stream begins anew with the offset that its drive has by then; what is more is motion.
         is_excused |= world.design.is_stream and not run.is_told
         if not is_excused:
@@ -838,8 +854,13 @@ def _is_native(sent: bytes, reply: bytes) -> bool:
 
 def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     """Take note of what the drive has answered, before its controller sees it."""
+    number = facts.number_of(world, wire.unit_id)
+    if facts.was_out_of_reach(world, number):
+        beams.broken_off(world)
     _note_answer(world, wire, reply)
-    beams.ended(world, wire, is_native=_is_native(wire.pdu, reply))
+    is_refused = reply[1:] == b"\x01" or _proves_nothing_written(world, number, reply)
+    is_refused &= reply[0] == wire.pdu[0] | 0x80
+    beams.ended(world, wire, is_native=_is_native(wire.pdu, reply), is_refused=is_refused)
     if wire.pdu[0] == 3 and wire.pdu[1:3] == MODE_HEAD[1:] and _is_native(wire.pdu, reply):
         know_rules(world, facts.number_of(world, wire.unit_id))
     is_read = wire.pdu[0] == 3 and _is_native(wire.pdu, reply)
@@ -1260,7 +1281,8 @@ def _judge_refusal(world: "World", port: int, request: "Asked", pdu: bytes, *, i
     axis, plan = world.design.plans[request.axis], world.design.controllers[port]
     is_blocked = request.pdu in RUNS and facts.is_own_blocked(world, request.axis)
     is_late = axis.late is Late.REJECT and (_is_late(world, request) or is_blocked)
-    if request.pdu == RUN_PDU and not is_own:
+    is_hushed = request.is_owed  # answered at once, for its drive is silent: nobody has looked at its target
+    if request.pdu == RUN_PDU and not (is_own or request.is_sent or is_hushed):
         beams.refused(world, port, request.axis)
     if request.pdu == RUN_PDU and pdu[1] == LOST and not is_own:
         _judge_refused_run(world, request)

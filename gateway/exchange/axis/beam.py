@@ -14,6 +14,10 @@ and reference of each axis stay as they were when it left, until
 - one is stopped, or moved in another way, or its drive cannot be reached,
 - :data:`LONGEST_NS` have passed.
 
+Of a first trigger that nobody answered, or that was answered with an exception that proves nothing, nobody
+knows whether it was obeyed. So it fixes what the others go by, as one does that was obeyed. Only the proof
+that nothing was obeyed lets the next trigger be the first.
+
 An axis that has not gone yet may have its target written anew: it still goes by what was fixed, for the
 others stand or go by that. That is also how a beam is levelled of which a later trigger was refused (M3).
 
@@ -41,7 +45,7 @@ class BeamState(Enum):
     SENT = "sent"
     """The first trigger is on its way to the drive."""
     UNDER_WAY = "under-way"
-    """One has gone at least, and one has not."""
+    """One has gone at least, or may have, and one has not."""
 
 
 class BeamEvent(Enum):
@@ -55,8 +59,10 @@ class BeamEvent(Enum):
     """It was acknowledged, or broadcast, and another axis has not gone yet."""
     WHOLE = "whole"
     """The same, and each axis has gone."""
+    UNPROVEN = "unproven"
+    """Nobody knows whether it was obeyed: M3 holds."""
     REFUSED = "refused"
-    """It was refused, or nobody knows whether it was obeyed: M3 holds."""
+    """It was refused, and that proves that it was not obeyed: M3 holds."""
     AGAIN = "again"
     """An axis that has gone is given another target."""
     ENDED = "ended"
@@ -74,6 +80,7 @@ BEAM_AFTER: Final[dict[BeamState, dict[BeamEvent, BeamState]]] = {
         BeamEvent.LEFT: _SENT,
         BeamEvent.WENT: _OPEN,
         BeamEvent.WHOLE: _OPEN,
+        BeamEvent.UNPROVEN: _OPEN,
         BeamEvent.REFUSED: _OPEN,
         BeamEvent.AGAIN: _OPEN,
         BeamEvent.ENDED: _OPEN,
@@ -83,6 +90,7 @@ BEAM_AFTER: Final[dict[BeamState, dict[BeamEvent, BeamState]]] = {
         BeamEvent.LEFT: _SENT,  # two axes in one frame
         BeamEvent.WENT: _UNDER_WAY,
         BeamEvent.WHOLE: _OPEN,
+        BeamEvent.UNPROVEN: _UNDER_WAY,  # it may have gone
         BeamEvent.REFUSED: _OPEN,  # none has gone, and none goes before the target of this one came again
         BeamEvent.AGAIN: _SENT,
         BeamEvent.ENDED: _OPEN,
@@ -92,6 +100,7 @@ BEAM_AFTER: Final[dict[BeamState, dict[BeamEvent, BeamState]]] = {
         BeamEvent.LEFT: _UNDER_WAY,
         BeamEvent.WENT: _UNDER_WAY,
         BeamEvent.WHOLE: _OPEN,
+        BeamEvent.UNPROVEN: _UNDER_WAY,
         BeamEvent.REFUSED: _UNDER_WAY,  # once its target came again it goes by what was fixed
         BeamEvent.AGAIN: _OPEN,
         BeamEvent.ENDED: _OPEN,
@@ -115,7 +124,8 @@ class Beam:
         self.has_put_off = False
         """Something else was asked for since, or a reference came or went."""
         self.is_skewed = False
-        """A later one was refused after the first had gone, and they have not all gone together since."""
+        """A later one was refused after the first had gone, or of the first nobody knows whether it has; and
+        they have not all gone together since."""
         self.skew: float | None = None
         """By how much, in units; None: nobody knows."""
 
@@ -135,7 +145,7 @@ class Beam:
         self.has_put_off = True
 
     def skew_by(self, skew: float | None) -> None:
-        """A later trigger was refused: the beam is skewed by so much."""
+        """A trigger was refused, or may have been obeyed: the beam is skewed by so much."""
         self.is_skewed, self.skew = True, skew
 
     @property
@@ -145,7 +155,7 @@ class Beam:
 
     @property
     def is_under_way(self) -> bool:
-        """Whether one has gone at least, and one has not."""
+        """Whether one has gone at least, or may have, and one has not."""
         return self.state is _UNDER_WAY
 
     def is_over(self, now_ns: int) -> bool:

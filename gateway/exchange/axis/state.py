@@ -405,7 +405,11 @@ class Fixed(NamedTuple):
     """Where its controller took it to be; None: nobody knew."""
     run: Rendering | None
     """The target that it held, as it has to run it; None: it held none that was complete, or is the first."""
+    keeps_words: bool = False
+    """Whether it may keep words that were made with another switch, table or gain: all of its group do."""
     has_gone: bool = False
+    may_have_gone: bool = False
+    """It was the first, and nobody knows whether its trigger was obeyed."""
     missing: int = 0
     """The words of its target that have not come since it went, a bit for each: a drive that goes as it is
     written may be given them one by one."""

@@ -12,7 +12,7 @@ from functools import partial
 from math import isfinite
 from typing import Final
 
-from gateway.compensation.correction_spec import NOTHING, spec_of_table
+from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table
 from gateway.compensation.errors import SettingsError, TableError
 from gateway.compensation.fingerprint import table_digest
 from gateway.compensation.moves import Accepted, Move, State
@@ -478,13 +478,13 @@ class Axis(AxisState):
             for member in (self, *self.peers):
                 member.release()
 
-    def fix(self, run: Rendering | None) -> None:
+    def fix(self, run: Rendering | None, *, keeps_words: bool) -> None:
         """Its group goes: reference and correction are what they are now, until nothing is fixed any more."""
         accepted, actual = self.compensation.accepted, self.actual
         nominal_counts = None if accepted is None else accepted.nominal_counts
         if nominal_counts is None and actual is not None:
             nominal_counts = self.nominal_of(actual.counts)
-        self.fixed = Fixed(self.goes_as_referenced, self.whereabouts, nominal_counts, run)
+        self.fixed = Fixed(self.goes_as_referenced, self.whereabouts, nominal_counts, run, keeps_words)
 
     def release(self) -> None:
         """What was put off comes into force: as ever, with the next different target."""
@@ -515,8 +515,10 @@ class Axis(AxisState):
         elif request.targets or request.runs or (command is not None and command.action.runs_target):
             if beam.is_open:
                 beam.fix(self.plan.name, now_ns)
+                keeps_words = self._keeps_other_words(request)
                 for member in (self, *self.peers):
-                    member.fix(None if member is self else request.peer_runs.get(member.plan.name))
+                    run = None if member is self else request.peer_runs.get(member.plan.name)
+                    member.fix(run, keeps_words=keeps_words)
             elif beam.has_put_off and self.fixed is not None and not self.fixed.has_gone:
                 detail = f"it goes as {beam.led_by} has gone; what was asked for since comes into force then"
                 self.tell(EventKind.GROUP_HELD, detail)
@@ -534,12 +536,106 @@ class Axis(AxisState):
                 is_whole = self._is_group_through(now_ns)
                 self._group_happens(BeamEvent.WHOLE if is_whole else BeamEvent.WENT)
             else:
-                self._note_skew(code)
-                self._group_happens(BeamEvent.REFUSED)
-        elif fixed.has_gone and command is not None and outcome is Outcome.ACKNOWLEDGED:
+                is_refusal = outcome is Outcome.EXCEPTION
+                is_undone = is_refusal and self.writes_nothing(code, reads_too=request.reads_too)
+                if not is_undone and not any(fixed.has_gone for fixed in self._all_fixed()):
+                    self.fixed = fixed._replace(may_have_gone=True)
+                    self._tell_unproven_first(code)
+                else:
+                    self._note_skew(code)
+                self._group_happens(BeamEvent.REFUSED if is_undone else BeamEvent.UNPROVEN)
+        elif command is not None and outcome is Outcome.ACKNOWLEDGED:
             is_distance = self.last_run.is_relative
-            if any(is_distance or not self._holds_target(number) for number in command.written):
+            if fixed.has_gone:
+                is_other = any(is_distance or not self._holds_target(number) for number in command.written)
+            else:
+                is_other = fixed.may_have_gone
+                is_other = is_other and any(not self._holds_unproven(number) for number in command.written)
+            if is_other:
                 self._group_happens(BeamEvent.AGAIN)
+
+    def _all_fixed(self) -> list[Fixed]:
+        """What is fixed of the axes of its group."""
+        return [member.fixed for member in (self, *self.peers) if member.fixed is not None]
+
+    def _holds_unproven(self, number: int) -> bool:
+        """Whether a command field holds the target to which it may have gone, or not all of one."""
+        image = self.fields[number]
+        if image.nominal_words is None or image.is_torn:
+            return True  # the rest of it is to come
+        return self.may_have_gone_to(number, image.nominal_words)
+
+    def may_have_gone_to(self, number: int, nominal_words: bytes) -> bool:
+        """Whether some words are the absolute target that was sent last and never acknowledged."""
+        unproven, field = self.unproven, self.plan.command[number]
+        if unproven is None or unproven.move is None or unproven.is_distance:
+            return False
+        return counts_of(field, field.unpack(nominal_words)) == unproven.move.nominal_counts
+
+    # --- which words may stay as they are (M4, M11) ------------------------------------------------------
+
+    def may_keep_words(self, spec: CorrectionSpec) -> bool:
+        """Whether a target that comes again may be the same words, which were made with ``spec``.
+
+        With what is asked for now they are right in any case. Of a group one axis must not keep words of
+        another switch, table or gain while another axis goes by what is asked for. Setpoints of a stream may:
+        what is asked for comes into force with way that they go, and the same one again has none.
+        """
+        if self.beam is None or self.compensation.is_stream or not self._is_other(spec):
+            return True
+        if self.fixed is not None:
+            return self.fixed.keeps_words
+        is_again = self.unproven is None  # else the others have to come there yet
+        return all(peer.keeps_other_words and (is_again or peer.holds_unrun) for peer in self.peers)
+
+    @property
+    def keeps_other_words(self) -> bool:
+        """Whether the next target of it, as far as it is known, keeps words of another switch, table or gain.
+
+        Of a target that has not come nobody knows: then it is taken for the last one, come again.
+        """
+        number = self.rules.staged
+        words = None if number is None else self.fields[number].nominal_words
+        if self.holds_unrun and number is not None and words is not None:
+            spec = self.spec_of_words(number, words)
+            return spec is not None and self._is_other(spec)
+        if self.unproven is not None and self.unproven.move is not None:
+            return self._is_other(self.unproven.move.state.spec)
+        if self.retained is not None:
+            return self._is_other(self.retained.move.state.spec)
+        state = self.compensation.state
+        return state.position is None or self._is_other(state.spec)
+
+    def spec_of_words(self, number: int, nominal_words: bytes) -> CorrectionSpec | None:
+        """With which correction the words were made that a target may keep; None: it is a new one."""
+        if self.may_have_gone_to(number, nominal_words):
+            assert self.unproven is not None
+            assert self.unproven.move is not None
+            return self.unproven.move.state.spec
+        retained, accepted = self.retained_as(number, nominal_words), self.compensation.accepted
+        if retained is not None:
+            return retained.move.state.spec
+        field = self.plan.command[number]
+        if accepted is None or counts_of(field, field.unpack(nominal_words)) != accepted.nominal_counts:
+            return None
+        return self.compensation.state.spec
+
+    def _is_other(self, spec: CorrectionSpec) -> bool:
+        """Whether a correction is that of another switch, table or gain than what counts for it now."""
+        asked = self.wanted if self.goes_as_referenced else NOTHING
+        if spec.curve is None or asked.curve is None:
+            return spec.curve is not asked.curve
+        is_same_table = spec.curve is asked.curve or spec.table_digest == asked.table_digest
+        return not (is_same_table and spec.gain == asked.gain)
+
+    def _keeps_other_words(self, request: AxisRequest) -> bool:
+        """Whether the first target of its group keeps words of another switch, table or gain."""
+        for rendering in (*request.targets, *request.runs):
+            if not rendering.is_distance:
+                spec = self.spec_of_words(rendering.number, rendering.nominal_words)
+                if spec is not None and self._is_other(spec):
+                    return rendering.move is None or rendering.move.state.spec is spec
+        return False
 
     def _missing_words(self, request: AxisRequest, fixed: Fixed, now_ns: int) -> int:
         """Return which words of a target have not come yet, of a drive that goes to each part of one."""
@@ -561,6 +657,16 @@ class Axis(AxisState):
             if fixed.missing and now_ns - fixed.part_ns <= JOIN_NS:
                 return False
         return True
+
+    def _tell_unproven_first(self, code: int) -> None:
+        """It is the first of its group, and nobody knows whether it goes."""
+        assert self.beam is not None
+        self.beam.skew_by(None)
+        detail = (
+            f"its trigger was sent, and nothing proves whether it was obeyed (exception {code:#04x}): by how "
+            "much it is skewed nobody knows"
+        )
+        self.tell(EventKind.GROUP_SKEWED, detail)
 
     def _note_skew(self, code: int) -> None:
         """It is refused after another axis of its group has gone: nothing of ours stops that one (M3)."""
