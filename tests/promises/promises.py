@@ -1,0 +1,84 @@
+"""What users rely on by name, read from the program: ``python -m tests.promises.promises`` writes it anew.
+
+``promises.txt`` is what was promised before. It grows by lines. A line that goes or changes breaks somebody's
+configuration, script, dashboard or alarm: it needs an alias, and a line in the CHANGELOG.
+"""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from typer.main import get_command
+
+from gateway.catalogue.counters import COUNTERS
+from gateway.catalogue.entry import entries_of
+from gateway.catalogue.events import GROUPS
+from gateway.catalogue.exceptions import EXCEPTIONS
+from gateway.catalogue.lookup import code_of, severities
+from gateway.catalogue.refusals import REFUSALS
+from gateway.catalogue.remarks import REMARKS
+from gateway.catalogue.starts import EXIT_CODES
+from gateway.catalogue.states import STATES
+from gateway.catalogue.troubles import TROUBLES
+from gateway.cli.app import app
+from gateway.config.reference.tables import TABLES, rows
+from gateway.drives.library import names
+from gateway.relay.status_unit import BLOCKS
+from gateway.tabfile import DIALECTS
+
+FILE: Final = Path(__file__).with_name("promises.txt")
+
+
+def promises() -> list[str]:
+    """Return every promise, one line each, in an order that does not change."""
+    return sorted(
+        {*_keys(), *_codes(), *_registers(), *_commands(get_command(app), "pitch-gateway"), *_names()}
+    )
+
+
+def _keys() -> Iterator[str]:
+    for section, table in TABLES.items():
+        for row in rows(table):
+            yield f"key {section}: {row.key} | {row.kind} | {row.default}"
+
+
+def _codes() -> Iterator[str]:
+    for group in GROUPS:
+        yield from (f"event {entry.name}: {severities(entry)}" for entry in entries_of(group))
+    yield from (f"trouble {entry.kind}: {entry.severity.value}" for entry in TROUBLES.values())
+    yield from (f"refusal {code_of(entry)}" for entry in REFUSALS)
+    yield from (f"remark {entry.code}: {entry.severity}" for entry in REMARKS)
+    yield from (f"exception 0x{entry.code:02X}: {entry.title}" for entry in EXCEPTIONS)
+    yield from (f"exit code {code}" for code in EXIT_CODES)
+    yield from (f"counter {name}" for name in COUNTERS)
+    for kind, entries in STATES.items():
+        yield from (f"state {kind}: {entry.name}" for entry in entries)
+
+
+def _registers() -> Iterator[str]:
+    for block in BLOCKS:
+        for each in block.registers:
+            place = f"{block.first}+{each.offset} of {block.size}"
+            yield f"status register {place}: {each.name}, {each.words} word"
+
+
+def _commands(command: Any, path: str) -> Iterator[str]:
+    yield f"command {path}"
+    for parameter in command.params:
+        if parameter.param_type_name == "option":
+            yield f"option {path} {' '.join(sorted((*parameter.opts, *parameter.secondary_opts)))}"
+        else:
+            yield f"argument {path} {parameter.name}"
+    for name, child in getattr(command, "commands", {}).items():
+        yield from _commands(child, f"{path} {name}")
+
+
+def _names() -> Iterator[str]:
+    yield from (f"drive {name}" for name in names())
+    yield from (f"table format {dialect.name}" for dialect in DIALECTS)
+
+
+if __name__ == "__main__":
+    FILE.write_text("".join(f"{line}\n" for line in promises()), encoding="utf-8")
+    sys.stdout.write(f"{FILE}\n")
