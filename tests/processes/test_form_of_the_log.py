@@ -106,7 +106,8 @@ def test_a_person_is_told_in_plain_lines(site: Site) -> None:
 def test_each_line_of_run_has_its_priority_in_the_journal(site: Site, log_format: str) -> None:
     with_a_bad_table(site)
     text = site.config.read_text()
-    site.config.write_text(text.replace('table = "x.tab"', 'table = "x.tab"\ncompensation = "shadow"'))
+    assert 'compensation = "on"' in text
+    site.config.write_text(text.replace('compensation = "on"', 'compensation = "shadow"'))
     log = log_in_journal(
         [*COMMAND, "run", str(site.config), "--log-format", log_format], until=b"relay-reached"
     )
