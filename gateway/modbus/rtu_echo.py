@@ -60,7 +60,8 @@ class ReplyEcho:
         """Note that a reply leaves, or a piece of one, which takes ``wire_ns`` on its wire."""
         if self.echo is Echo.ABSENT:
             return
-        if self._pending and now_ns > self._until_ns and not self._miss(came_other=False):
+        if self.echo is Echo.UNKNOWN and self._pending and now_ns > self._until_ns:
+            self._enter(Echo.ABSENT)
             return
         if len(self._pending) > MOST_BYTES:
             self._pending = self._held = b""
@@ -68,17 +69,24 @@ class ReplyEcho:
         self.is_expected = True
         self._until_ns = now_ns + wire_ns + LATEST_NS
 
-    def take(self, data: bytes, now_ns: int) -> bytes:
-        """Return what is left of received bytes without the echo; while it may still become one, nothing."""
+    def take(self, data: bytes, now_ns: int, *, has_slept: bool = False) -> bytes:
+        """Return what is left of received bytes without the echo; while it may still become one, nothing.
+
+        ``has_slept``: the process has not read for a while, so that when they came nobody knows. Where there
+        is an echo it is taken out whenever it is read.
+        """
         heard, pending = self._held + data, self._pending
-        if now_ns > self._until_ns:
-            return data if self._miss(came_other=False) else heard
+        is_late = now_ns > self._until_ns and not has_slept
+        if is_late and self.echo is Echo.UNKNOWN:
+            self._enter(Echo.ABSENT)
+            return heard
         if pending.startswith(heard) and len(heard) < len(pending):
             self._held = heard
             return b""
         if not heard.startswith(pending):
-            self._miss(came_other=True)
-            return heard
+            is_half_echo = is_late and bool(self._held)
+            self._miss()
+            return data if is_half_echo else heard
         self.echoes += 1
         self._enter(Echo.PRESENT)
         return heard[len(pending) :]
@@ -95,15 +103,12 @@ class ReplyEcho:
         self._enter(Echo.PRESENT)
         return True
 
-    def _miss(self, *, came_other: bool) -> bool:
-        """Note that what was sent did not come back, or other bytes with it; return whether the next may."""
+    def _miss(self) -> None:
+        """Note that other bytes came: where there was an echo they may have met it on the wire."""
         if self._is_told:
             self._enter(Echo.PRESENT)
-        elif self.echo is Echo.PRESENT and came_other:
-            self._enter(Echo.UNKNOWN)
         else:
-            self._enter(Echo.ABSENT)
-        return self.echo is not Echo.ABSENT
+            self._enter(Echo.UNKNOWN if self.echo is Echo.PRESENT else Echo.ABSENT)
 
     def _enter(self, echo: Echo) -> None:
         self.echo = echo

@@ -319,17 +319,18 @@ class RtuControllerPort(ControllerPort):
         return self._echo is not None and self._echo.is_undeclared
 
     def _expect_echo(self, sent: bytes) -> None:
-        """Note that bytes leave; not while a request arrives, which is none of their echo."""
+        """Note that bytes leave. Where no echo is known yet, not while a request arrives: its rest is none."""
         echo, sender = self._echo, self._sender
         if echo is None or echo.echo is Echo.ABSENT or sender is None:
             return
-        if self._decoder.is_between_frames:
+        if echo.echo is Echo.PRESENT or self._decoder.is_between_frames:
             wire_ns = self._gap_ns + len(sent) * sender.stamps.wire_ns_per_byte
             echo.sent(sent, boot_ns(), wire_ns)
 
     def _without_echo(self, echo: ReplyEcho, data: bytes, now_ns: int) -> bytes:
         if echo.is_expected:
-            data = echo.take(data, now_ns)
+            has_slept = self._exchange.beats.stood_still(now_ns, FRESH_NS)
+            data = echo.take(data, now_ns, has_slept=has_slept)
         elif data == self._replied_frame:
             wire_ns = 2 * len(data) * self.stamps.wire_ns_per_byte
             soonest_ns = self.stamps.sent_ns + wire_ns + self._gap_ns if wire_ns else 0

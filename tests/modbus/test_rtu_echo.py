@@ -98,8 +98,22 @@ def test_an_adapter_that_returns_nothing_any_more_has_no_echo() -> None:
     echo = after(TRIGGER)
     assert echo.take(TRIGGER, 1) == b""
     echo.sent(ACKNOWLEDGED, 2, WIRE_NS)
-    echo.sent(ACKNOWLEDGED, WIRE_NS + LATEST_NS + 3, WIRE_NS)
+    assert echo.take(TARGET, 3) == TARGET
+    assert (echo.echo, echo.is_expected) == (Echo.UNKNOWN, False)  # it may have met something on the wire
+    echo.sent(ACKNOWLEDGED, 4, WIRE_NS)
+    assert echo.take(TARGET, 5) == TARGET
     assert (echo.echo, echo.is_expected) == (Echo.ABSENT, False)
+
+
+@given(st.booleans())
+def test_a_process_that_stood_still_reads_an_echo_late_and_takes_it_out(is_told: bool) -> None:
+    late_ns = WIRE_NS + LATEST_NS + 1
+    first = after(TRIGGER, is_told=is_told)
+    assert first.take(TRIGGER, late_ns, has_slept=True) == b""
+    assert first.echo is Echo.PRESENT
+    first.sent(TRIGGER, late_ns, WIRE_NS)
+    assert first.take(TRIGGER, 2 * late_ns + 1) == b""  # where there is one it is one, however late
+    assert (first.echo, first.echoes) == (Echo.PRESENT, 2)
 
 
 def test_another_adapter_may_be_there_when_the_port_is_opened_again() -> None:
