@@ -319,7 +319,7 @@ class RtuControllerPort(ControllerPort):
         return self._echo is not None and self._echo.is_undeclared
 
     def _expect_echo(self, sent: bytes) -> None:
-        """Note that bytes leave. Where no echo is known yet, not while a request arrives: its rest is none."""
+        """Note that bytes leave. Before an echo is known, not while a request arrives: its rest is none."""
         echo, sender = self._echo, self._sender
         if echo is None or echo.echo is Echo.ABSENT or sender is None:
             return
