@@ -771,8 +771,7 @@ def test_that_the_skew_is_not_known_is_told_at_once() -> None:
     event = next(each for each in bench.events if each.kind.value == "group-skewed")
     assert event.axis == "y1"
     assert event.detail == (
-        "its trigger was sent, and nothing proves whether it was obeyed (exception 0x0b): by how much it is "
-        "skewed nobody knows"
+        "its trigger was sent, and the drive may have obeyed it (exception 0x0b): the skew is not known"
     )
     assert (bench.group()["is_skewed"], bench.group()["skew"]) == (True, None)
 

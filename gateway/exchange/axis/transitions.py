@@ -663,8 +663,8 @@ class Axis(AxisState):
         assert self.beam is not None
         self.beam.skew_by(None)
         detail = (
-            f"its trigger was sent, and the drive may have obeyed it (exception {code:#04x}): the skew is not "
-            "known"
+            f"its trigger was sent, and the drive may have obeyed it (exception {code:#04x}): the skew is "
+            "not known"
         )
         self.tell(EventKind.GROUP_SKEWED, detail)
 
