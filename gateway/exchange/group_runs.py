@@ -23,11 +23,16 @@ from gateway.modbus.pdu import ExceptionCode
 
 
 def settle_groups(request: Request) -> bool:
-    """Let a new round begin where an axis that has gone is given another target; return whether one has."""
+    """Let a new round begin where an axis that has gone is given another target; return whether one has.
+
+    Raises:
+        RefusedRequestError: the axis must not be given it, so it stays where the round has sent it.
+    """
     for meaning in request.meanings:
         fixed = meaning.axis.fixed
         has_gone = fixed is not None and (fixed.has_gone or fixed.may_have_gone)
         if has_gone and meaning.action.runs_target and _goes_elsewhere(request, meaning):
+            check_may_act(meaning)
             meaning.axis.begin_group_anew()
             return True
     return False
@@ -149,9 +154,10 @@ def _prepare_peer(request: Request, axis: Axis, first: Meaning) -> AddedFrame | 
     if first.number is not None and 1 < count > first.number:
         number = first.number
     words = None if number is None else axis.fields[number].nominal_words
-    if number is None or words is None or axis.fields[number].is_torn:
+    is_torn = any(field.is_torn for field in (axis.fields if number is None else (axis.fields[number],)))
+    if number is None or words is None or is_torn:
         may_pass = axis.passes_unchanged or motion.passes_stored_moves
-        if axis.holds_unrun and not may_pass:
+        if (axis.holds_unrun or is_torn) and not may_pass:
             raise RefusedRequestError(
                 ExceptionCode.SERVER_DEVICE_FAILURE,
                 axis.plan.name,

@@ -440,6 +440,18 @@ def test_the_first_target_fixes_it_for_movers() -> None:
     assert bench.ends() == [70_000, 70_000]
 
 
+def test_another_target_that_is_refused_begins_no_new_round() -> None:
+    """y1 stays where the round has sent it, so y2 is levelled by what was fixed."""
+    bench = movers()
+    bench.to(1, write(COMMAND, 60_000))
+    bench.switch(is_wanted=False)
+    bench.refuses.append((2, bytes.fromhex("10 06 06"), bytes.fromhex("90 04")))
+    assert bench.to(2, write(COMMAND, 60_000)) == bytes.fromhex("90 04")
+    assert bench.to(1, write(COMMAND, 70_000)) == bytes.fromhex("90 04")
+    bench.to(2, write(COMMAND, 60_000))
+    assert bench.ends() == [60_010, 60_010]
+
+
 HALVES: Final = {60_000: ("EA60", "0000"), 150_000: ("49F0", "0002")}
 
 
@@ -663,6 +675,24 @@ def test_the_first_is_refused_where_another_axis_has_lost_the_target_that_it_hel
     assert run_both(bench, RUN_PDU) == [bytes.fromhex("86 04")] * 2
     assert bench.ends() == [50_010, 50_010]
     assert "group-skewed" not in bench.kinds()
+
+
+def test_the_first_is_refused_where_another_axis_was_refused_its_target_while_positions_passed_1_1() -> None:
+    bench = bit_beam()
+    for unit_id in (1, 2):
+        bench.lose_homed_bit(unit_id)
+        bench.to(unit_id, bytes.fromhex("03 005C 0001"))
+    bench.refuses.append((1, bytes.fromhex("10 06 06"), bytes.fromhex("90 04")))
+    assert bench.to(1, write(COMMAND, 60_000)) == bytes.fromhex("90 04")
+    bench.not_homed.clear()
+    bench.settle()
+    bench.stage(2, 60_000)
+    assert bench.to(2, RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.ends() == [50_010, 50_010]
+    for unit_id in (1, 2):
+        bench.stage(unit_id, 60_000)
+    assert run_both(bench, RUN_PDU) == [RUN_PDU] * 2
+    assert bench.ends() == [60_010, 60_010]
 
 
 # --- targets of before a loss ------------------------------------------------------------------------------
@@ -980,6 +1010,19 @@ def test_a_mover_that_kept_its_words_follows_one_that_did_not() -> None:
     bench.to(2, write(COMMAND, 60_000))
     bench.to(1, write(COMMAND, 60_000))
     assert bench.ends() == [60_000, 60_000]
+
+
+def test_one_that_may_have_kept_its_words_follows_one_that_did_not_in_the_same_round() -> None:
+    bench = BeamBench(*(axis_plan(name=f"y{unit}", unit_id=unit) for unit in (1, 2)))
+    bench.to(1, write(COMMAND, 50_000))
+    bench.wait(10_100)
+    bench.switch(is_wanted=False)
+    bench.hides.append((1, bytes.fromhex("10 06 06"), bytes.fromhex("90 04")))
+    assert bench.to(1, write(COMMAND, 50_000)) == bytes.fromhex("90 04")
+    assert bench.ends() == [50_010, 0]
+    bench.to(2, write(COMMAND, 60_000))
+    bench.to(1, write(COMMAND, 50_000))
+    assert bench.ends() == [50_000, 60_000]
 
 
 def test_a_distance_makes_the_repeat_of_another_axis_anew() -> None:

@@ -513,16 +513,25 @@ class Axis(AxisState):
         if command is not None and command.action in MOVES_OTHERWISE:
             self._group_happens(BeamEvent.ENDED)
         elif request.targets or request.runs or (command is not None and command.action.runs_target):
-            if beam.is_open:
+            is_first = beam.is_open
+            if is_first:
                 beam.fix(self.plan.name, now_ns)
                 keeps_words = self._keeps_other_words(request)
                 for member in (self, *self.peers):
                     run = None if member is self else request.peer_runs.get(member.plan.name)
                     member.fix(run, keeps_words=keeps_words)
-            elif beam.has_put_off and self.fixed is not None and not self.fixed.has_gone:
+            elif not self._keeps_other_words(request):
+                self._keep_no_other_words()
+            if not is_first and beam.has_put_off and self.fixed is not None and not self.fixed.has_gone:
                 detail = f"it goes as {beam.led_by} has gone; what was asked for since comes into force then"
                 self.tell(EventKind.GROUP_HELD, detail)
             self._group_happens(BeamEvent.LEFT)
+
+    def _keep_no_other_words(self) -> None:
+        """One goes by what was fixed, so no other one of its group keeps words of another switch any more."""
+        for member in (self, *self.peers):
+            if member.fixed is not None and member.fixed.keeps_words:
+                member.fixed = member.fixed._replace(keeps_words=False)
 
     def _end_in_group(self, request: AxisRequest, outcome: Outcome, code: int, now_ns: int) -> None:
         """A request to an axis of a group has ended: it has gone, was refused, or was given a target."""
