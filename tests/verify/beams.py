@@ -11,7 +11,7 @@ from tests.verify import facts, rules
 from tests.verify.errors import BrokenRuleError
 
 if TYPE_CHECKING:
-    from tests.verify.world import Wire, World
+    from tests.verify.world import Asked, Wire, World
 
 
 class Beam(NamedTuple):
@@ -25,12 +25,18 @@ class Beam(NamedTuple):
     """The target that each axis held then, in nominal counts, of drives that wait for a trigger."""
     gone: tuple[int, ...] = ()
     """The axes that have gone since."""
-    perhaps: tuple[int, int] | tuple[()] = ()
-    """The axis that was the first, of which no answer proves that it went or did not, and where to."""
+    perhaps: tuple[tuple[int, int | None], ...] = ()
+    """The axes that were sent off before any had gone for certain, and where to (None: to what their drives
+    held): no answer proves that they went, or that they did not."""
     anew: tuple[int, ...] = ()
     """The axes whose drives went by what was fixed."""
     kept: tuple[int, ...] = ()
     """Those whose drives went by words of another switch, table or gain (M4)."""
+    is_doubtful: bool = False
+    """An axis that has gone was told something of which nobody can say whether it is another target: the same
+    round may go on, or a new one may have begun."""
+    others: tuple[tuple[tuple[str, ...], int, bool], ...] = ()
+    """What a first trigger may have fixed since then."""
 
 
 def in_force(world: "World", number: int) -> tuple[str, int, bool]:
@@ -46,35 +52,61 @@ def is_fixed(world: "World") -> bool:
     return world.state.beam is not None
 
 
-def leaves(world: "World", number: int, nominal_counts: int) -> None:
-    """A trigger, or a target that is gone to at once, is about to leave. Raises BrokenRuleError."""
+def is_doubtful(world: "World") -> bool:
+    """Whether nobody can say if a new round has begun."""
+    return world.state.beam is not None and world.state.beam.is_doubtful
+
+
+def others_in_force(world: "World", number: int) -> tuple[tuple[str, int, bool], ...]:
+    """Return by what else an axis may have to go where nobody can say whether a new round has begun."""
+    beam = world.state.beam
+    if beam is None:
+        return ()
+    return tuple((said[number], table, is_half) for said, table, is_half in beam.others)
+
+
+def _asked_now(world: "World") -> tuple[tuple[str, ...], int, bool]:
+    said = tuple(world.said(each).compensation for each in range(len(world.state.axes)))
+    return said, world.state.table, world.state.is_gain_half
+
+
+def leaves(world: "World", number: int, nominal_counts: int, *, is_known: bool) -> None:
+    """A trigger, or a target that is gone to at once, is about to leave. Raises BrokenRuleError.
+
+    ``is_known``: its controller has written that target; else its drive runs what it keeps.
+    """
     beam, run = world.state.beam, world.state.axes[number].run
     if not world.design.groups:
         return
-    if beam is not None and number in beam.gone and (run is None or run.nominal_counts != nominal_counts):
-        beam = None  # another target: a new round
-    elif (
-        beam is not None and beam.perhaps and beam.perhaps[0] == number and beam.perhaps[1] != nominal_counts
-    ):
-        beam = None
     if beam is not None:
-        return
-    members = range(len(world.state.axes))
-    for each in members:
-        is_old = facts.is_found(world, each) and facts.has_to_ask(world, each, is_target=True)
-        if each != number and is_old:  # else it was told that it is not homed, and all of them pass 1:1
-            raise BrokenRuleError("the first of a beam goes, and the bit of another one was not read (M11)")
-    said = tuple(world.said(each).compensation for each in members)
-    steps = world.design.step_counts
-    held = tuple(belief.steps * steps for belief in world.state.beliefs[0]) if world.design.is_staged else ()
-    found = Beam(said, world.state.table, world.state.is_gain_half, held)
-    world.state = world.state._replace(beam=found)
+        perhaps = dict(beam.perhaps)
+        is_other = may_be_other = False
+        if number in beam.gone:
+            is_other = run is not None and run.nominal_counts != nominal_counts
+            may_be_other = run is None or not (run.is_told and is_known)
+        elif number in perhaps:
+            is_other = perhaps[number] != nominal_counts
+            may_be_other = perhaps[number] is None or not is_known
+        if may_be_other or beam.is_doubtful:
+            others = dict.fromkeys((*beam.others, _asked_now(world)))
+            beam = beam._replace(is_doubtful=True, others=tuple(others))
+        elif is_other:
+            beam = None
+    if beam is None:
+        for each in range(len(world.state.axes)):
+            is_old = facts.is_found(world, each) and facts.has_to_ask(world, each, is_target=True)
+            if each != number and is_old:  # else it was told that it is not homed, and all of them pass 1:1
+                why = "the first of a beam goes, and the bit of another one was not read (M11)"
+                raise BrokenRuleError(why)
+        held = tuple(belief.steps * world.design.step_counts for belief in world.state.beliefs[0])
+        beam = Beam(*_asked_now(world), held if world.design.is_staged else ())
+    world.state = world.state._replace(beam=beam)
 
 
 def goes(world: "World", number: int, nominal_counts: int, *, is_kept: bool) -> None:
     """A drive of a beam goes, by words of another decision or not. Raises BrokenRuleError."""
     beam = world.state.beam
-    if beam is None:
+    if beam is None or beam.is_doubtful:
         return
     if is_kept and set(beam.anew) - {number}:
         raise BrokenRuleError(
@@ -92,7 +124,8 @@ def goes(world: "World", number: int, nominal_counts: int, *, is_kept: bool) -> 
 
 def is_anew(world: "World", number: int) -> bool:
     """Whether another axis does not keep words of another decision: then this one must not (M11)."""
-    if world.state.beam is not None and set(world.state.beam.anew) - {number}:
+    beam = world.state.beam
+    if beam is not None and (beam.is_doubtful or set(beam.anew) - {number}):
         return True
     for other, axis in enumerate(world.state.axes):
         if other == number:
@@ -114,38 +147,38 @@ def is_anew(world: "World", number: int) -> bool:
 def ended(world: "World", wire: "Wire", *, is_native: bool, is_refused: bool = False) -> None:
     """A frame was answered, or never will be. ``is_refused``: so that nothing can have been obeyed."""
     beam = world.state.beam
-    if beam is None or wire.owner < 0:
+    if beam is None or wire.owner < 0 or beam.is_doubtful:
         return
     number = facts.number_of(world, wire.unit_id)
-    run = world.state.axes[number].run
+    fixed: Beam | None = beam
     if wire.aim is not None and is_native:
         gone = tuple(sorted({*beam.gone, number}))
-        is_whole = len(gone) == len(world.state.axes)
-        world.state = world.state._replace(beam=None if is_whole else beam._replace(gone=gone))
+        fixed = None if len(gone) == len(world.state.axes) else beam._replace(gone=gone)
     elif wire.aim is not None:
-        if beam.gone or beam.perhaps:
-            return  # what the first one has fixed
-        perhaps = (number, wire.aim.nominal_counts)
-        world.state = world.state._replace(beam=None if is_refused else beam._replace(perhaps=perhaps))
-    elif rules.writes_target(wire.pdu) and is_native and beam.perhaps and beam.perhaps[0] == number:
-        belief = world.state.beliefs[wire.owner][number]
-        is_same = beam.perhaps[1] == belief.steps * world.design.step_counts
-        world.state = world.state._replace(beam=beam if is_same else None)
-    elif rules.writes_target(wire.pdu) and is_native and number in beam.gone:
+        if not beam.gone and not (is_refused and beam.perhaps):  # else it is what the first one has fixed
+            perhaps = {**dict(beam.perhaps), number: None if wire.aim.is_lost else wire.aim.nominal_counts}
+            fixed = None if is_refused else beam._replace(perhaps=tuple(perhaps.items()))
+    elif rules.writes_target(wire.pdu) and is_native and number in (*beam.gone, *dict(beam.perhaps)):
         # Its next target: a new round begins, unless that is the one to which it has gone.
-        belief = world.state.beliefs[wire.owner][number]
-        is_same = (
-            run is not None and run.is_told and run.nominal_counts == belief.steps * world.design.step_counts
-        )
-        world.state = world.state._replace(beam=beam if is_same else None)
+        nominal_counts = world.state.beliefs[wire.owner][number].steps * world.design.step_counts
+        run = world.state.axes[number].run
+        if number in beam.gone:
+            gone_to = None if run is None or not run.is_told else run.nominal_counts
+        else:
+            gone_to = dict(beam.perhaps)[number]
+        if gone_to is None:
+            fixed = beam._replace(is_doubtful=True)
+        elif gone_to != nominal_counts:
+            fixed = None
+    world.state = world.state._replace(beam=fixed)
 
 
-def refused(world: "World", port: int, number: int) -> None:
-    """A trigger was refused of an axis that has gone to a place that nobody knows: a new round."""
+def never_left(world: "World", request: "Asked") -> None:
+    """An axis that has gone was asked for what may be another target, and nothing of that left."""
     beam = world.state.beam
-    is_gone = beam is not None and number in (*beam.gone, *beam.perhaps[:1])
-    if is_gone and world.state.beliefs[port][number].lost:
-        world.state = world.state._replace(beam=None)
+    runs = request.pdu in rules.RUNS or (rules.writes_target(request.pdu) and not world.design.is_staged)
+    if beam is not None and runs and request.axis in (*beam.gone, *dict(beam.perhaps)):
+        world.state = world.state._replace(beam=beam._replace(is_doubtful=True))
 
 
 def broken_off(world: "World") -> None:

@@ -305,7 +305,7 @@ def restarted(world: "World", wire: "Wire | None", *, has_record: bool) -> None:
 
 def _fell_silent(world: "World", facts: Facts, plan: AxisPlan, sent_ns: int = 0) -> Facts:
     """``sent_ns``: when the request left that was not answered; none where the link went."""
-    if plan.referenced is Reference.ABSOLUTE and not world.design.judges_proof:
+    if plan.referenced is Reference.ABSOLUTE and not (world.design.judges_proof or world.design.groups):
         return facts
     since_ns = facts.silent_since_ns or sent_ns or world.now_ns
     return facts._replace(silent_since_ns=since_ns, silent_until_ns=world.now_ns, is_doubted=True)
@@ -507,6 +507,11 @@ def _target_ended(world: "World", number: int, wire: "Wire", code: int, *, is_na
     is_stale = facts.is_stale
     note(world, number, facts._replace(is_stale=False))
     if not is_native:
+        is_passing = (
+            wire.aim is not None and wire.aim.state in rules.PASSING and world.passes_unchanged(number)
+        )
+        if code != NO_REPLY and is_passing and is_target:
+            return  # its drive refused what passed 1:1: that is between it and its controller (M9)
         if is_target or (is_run and world.design.groups and not _blocked_peers(world, number)):
             _lose(world, number, code, is_run=is_run or not world.design.is_staged)
     elif is_target and not is_stale and wire.owner >= 0 and not world.state.beliefs[wire.owner][number].lost:
@@ -573,7 +578,16 @@ def _judge_events(world: "World", name: str, before: "Said", after: "Said", told
     owed = set(world.state.owed)
     for kind, (what, value) in TOLD_AFTER.items():
         was, is_now = what(before) is value, what(after) is value
-        is_due = (is_now and not was) or (name, kind.value) in owed
+        is_back = False
+        if kind is EventKind.DIRECTION_UNSURE:
+            # What fell and rose again while a frame was on its way is no change for who is told of it.
+            fell = (name, f"no {kind.value}")
+            is_back = is_now and not was and fell in owed
+            if world.state.wire is None or is_now:
+                owed.discard(fell)
+            elif was:
+                owed.add(fell)
+        is_due = (is_now and not was and not is_back) or (name, kind.value) in owed
         others = sum(each is not kind and each in TOLD_AFTER and TOLD_AFTER[each][0] is what for each in own)
         most = is_due + others + (kind is EventKind.DIRECTION_UNSURE and not was)
         if own.count(kind) > most and kind is not EventKind.AXIS_BLOCKED:  # told with each refusal, too

@@ -119,8 +119,12 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes, stopping: Stopping = S
     """
     from tests.verify.world import Wire
 
-    state = world.state
     number = facts.number_of(world, unit_id)
+    unsent = (find(world, *each) for each in world.state.order)
+    turn = next((each.axis for each in unsent if not each.is_sent), None)
+    if world.design.groups and turn is not None:
+        _break_off_silent(world, turn)
+    state = world.state
     asked_for = [each for own in state.asked for each in own if each.pdu == pdu and not each.is_sent]
     twice = len({each.goes_again for each in asked_for}) > 1
     firsts = dict.fromkeys(Role, True)  # all but stops leave in the order in which they came, by role
@@ -145,6 +149,12 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes, stopping: Stopping = S
     else:
         _judge_restaging(world, number, pdu)
     return Wire(unit_id, pdu, -1, 0, None)
+
+
+def _break_off_silent(world: "World", number: int) -> None:
+    """A drive of a beam whose turn has come was silent so long that nobody knows it any more (M11)."""
+    if facts.was_out_of_reach(world, number):
+        beams.broken_off(world)
 
 
 def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes) -> "Wire":
@@ -293,6 +303,7 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     is_again = is_there and not world.design.is_stream  # which begins anew after what it does not know
     is_again &= len(moving) == 1 and moving[0].pdu == run_pdu(world, run)
     is_again &= run is None or run.doubt < 2
+    is_again &= not (world.design.groups and beams.is_anew(world, number))  # it is made anew, for another one
     is_again &= "calm" not in world.design.happenings  # a drive that gave up has said done, and goes again
     why = ""
     if address == COMMAND.address:
@@ -419,15 +430,17 @@ def _judge_restaging(world: "World", number: int, pdu: bytes) -> None:
 
 def _is_still_in_force(world: "World", number: int, made_with: tuple[str, int, bool]) -> bool:
     """Whether a target need not be written anew once more: of a group all go by what holds as they go."""
-    return not world.design.groups or made_with == beams.in_force(world, number)
+    if not world.design.groups:
+        return True
+    return not beams.is_doubtful(world) and made_with == beams.in_force(world, number)
 
 
 def _judge_peer_restaging(world: "World", port: int, request: "Asked", number: int, shown: str) -> str:
     """Judge a write of the target of another axis, for the first trigger of its group (M11)."""
-    if beams.is_fixed(world):
+    if beams.is_fixed(world) and not beams.is_doubtful(world):
         return f"a target is written anew for another axis, and one has gone: {shown} (M11)"
     found = beams.in_force(world, number)
-    if (number, found) in request.restaged_peers:
+    if (number, found) in request.restaged_peers and not beams.is_doubtful(world):
         return f"the staged target of another axis was written anew twice: {shown} (2)"
     if world.state.beliefs[port][number].lost and found[0] not in PASSING:
         return f"a target that was lost is written anew: {shown} (4)"
@@ -466,7 +479,8 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
             base = (axis.commanded_counts, False)
     run = axis.run
     if world.design.groups:
-        beams.leaves(world, number, belief.steps * world.design.step_counts)
+        is_known = not belief.lost & NEVER_WRITTEN
+        beams.leaves(world, number, belief.steps * world.design.step_counts, is_known=is_known)
         state = world.state
         compensation, table, is_gain_half = beams.in_force(world, number)
     else:
@@ -488,6 +502,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
         base,
         _arrived(axis),
         axis.tried,
+        beams.others_in_force(world, number),
     )
 
 
@@ -516,6 +531,18 @@ def _written(belief: "Belief", request: bytes, frame: bytes) -> "Belief":
 
 def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     """Judge where the drive is about to go (0, 1, 4). Raises BrokenRuleError."""
+    aim, before = wire.aim, world.state
+    for state, table, is_gain_half in () if aim is None else aim.others:
+        assert aim is not None
+        other = aim._replace(state=state, table=table, is_gain_half=is_gain_half)
+        try:
+            return _judge_motion(world, number, end, wire._replace(aim=other))
+        except BrokenRuleError:
+            world.state = before
+    return _judge_motion(world, number, end, wire)
+
+
+def _judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     from tests.verify.world import Run
 
     aim = wire.aim
@@ -560,7 +587,7 @@ def judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     if world.design.is_stream:
         is_set_out = axis.run is not None and axis.run.is_told and axis.run.nominal_counts != nominal
     run = Run(nominal, end, False, is_unsure, made.table, made.state, is_gain_half=made.is_gain_half)
-    run = run._replace(is_set_out=is_set_out)
+    run = run._replace(is_set_out=is_set_out, was_lost=aim.is_lost)
     before = axis.run
     is_again = before is not None and (before.nominal_counts, before.end_counts) == (nominal, end)
     return run._replace(doubt=before.doubt) if before is not None and is_again else run
@@ -652,6 +679,7 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
         is_excused |= bool(world.design.groups) and is_other and is_lost and _is_another_away(world, axis)
         number = next(each for each, other in enumerate(world.state.axes) if other is axis)
         is_excused |= bool(world.design.groups) and is_other and beams.is_anew(world, number)
+        is_excused |= bool(world.design.groups) and is_other and run.was_lost
         # A stream begins anew with the offset that its drive has by then; what is more is motion.
         is_excused |= world.design.is_stream and not run.is_told
         if not is_excused:
@@ -1282,8 +1310,10 @@ def _judge_refusal(world: "World", port: int, request: "Asked", pdu: bytes, *, i
     is_blocked = request.pdu in RUNS and facts.is_own_blocked(world, request.axis)
     is_late = axis.late is Late.REJECT and (_is_late(world, request) or is_blocked)
     is_hushed = request.is_owed  # answered at once, for its drive is silent: nobody has looked at its target
-    if request.pdu == RUN_PDU and not (is_own or request.is_sent or is_hushed):
-        beams.refused(world, port, request.axis)
+    if world.design.groups and not (is_own or request.is_sent or is_hushed):
+        _break_off_silent(world, request.axis)
+    if not (is_own or request.is_sent):
+        beams.never_left(world, request)
     if request.pdu == RUN_PDU and pdu[1] == LOST and not is_own:
         _judge_refused_run(world, request)
     if axis.deadline_ms and not is_own and pdu[1] == BUSY and not is_late:

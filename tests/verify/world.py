@@ -189,6 +189,9 @@ class Aim(NamedTuple):
     """The motion at whose end it stood, as it was told."""
     tried: "Tried | None" = None
     """The target that nobody had acknowledged until then."""
+    others: tuple[tuple[str, int, bool], ...] = ()
+    """Of a beam of which nobody can say whether a new round has begun: state, table and gain that may be in
+    force as well."""
 
 
 class Wire(NamedTuple):
@@ -294,6 +297,8 @@ class Run(NamedTuple):
     """It was known where the axis stood, and on which side, when it set out."""
     kept_seen: int = 0
     """Of ``seen``, what its record keeps over a kill."""
+    was_lost: bool = False
+    """It passed 1:1, and nobody but its drive knows what was held when it was triggered."""
     doubt: int = 0
     """1: its drive has said done; 2: and that where it did not stand, or not any more: a look tells more
     (M6). Over repeats, too; kept only where a done bit may do so."""
@@ -1431,6 +1436,10 @@ class World:
     def said(self, number: int) -> Any:
         """Return what the gateway says of an axis."""
         return said_of(self.sides[0].line.axes[number])
+
+    def passes_unchanged(self, number: int) -> bool:
+        """Whether nothing of the positions of an axis is changed on the way, and its drive holds none."""
+        return self.sides[0].line.axes[number].passes_unchanged
 
     def is_sending_unsure(self) -> bool:
         """Whether the target on the wire has an assumed branch."""
