@@ -37,7 +37,7 @@ BY_CERTIFICATE: Final = "by role"
 """In the place of a role: each certificate brings its own, and 80 columns are few."""
 OF_VERDICT: Final = {"healthy": "green", "waiting": "cyan", "warning": "yellow", "error": "red"}
 OLD: Final = {
-    "last-reading": "its position was read last",
+    "last-reading": "its position was last read",
     "target": "its position was not read since it got its target",
 }
 """What an axis shows that is no reading of now."""

@@ -208,7 +208,7 @@ def test_an_axis_whose_drive_is_silent_says_that_and_where_it_was_seen_last() ->
         *("x", "Drive", "silent", "forward", "50.1990", "50.2490"),
         *("49.5000", "49.5500", "mm"),
     ]
-    assert "  x: its position was read last 1 min 15 s ago" in shown.getvalue().splitlines()
+    assert "  x: its position was last read 1 min 15 s ago" in shown.getvalue().splitlines()
 
 
 def test_a_target_that_nobody_reads_is_dim_with_its_age() -> None:
