@@ -98,7 +98,7 @@ def init(
     systemd: options.Systemd = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Write a commented configuration for the drives on one line, to start from.
+    r"""Write a commented configuration for the drives on one line, to start from.
 
     Asks first whether the controller's own compensation is off, then for what the options leave open; serial
     ports that are there are listed by the names that last, and chosen by their number. An answer that the
@@ -117,13 +117,17 @@ def init(
 
         pitch-gateway init --scan
 
-        pitch-gateway init mill.toml --controller-compensation-off --drive oriental-az --units mm --unit-id 1
-        --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 --counts-per-unit 1000 --travel -300 0
+        pitch-gateway init mill.toml --controller-compensation-off \
+          --drive oriental-az --units mm --unit-id 1 --counts-per-unit 1000 \
+          --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 \
+          --travel -300 0
 
-        pitch-gateway init mill.toml --controller-compensation-off --drive oriental-az --units mm --unit-id 1
-        --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 --counts-per-unit 1000 --travel -300 0
-        --another-axis y,unit-id=2,counts-per-unit=1000,travel=-200:0
-        --another-axis z,unit-id=3,counts-per-unit=2000,travel=-120:0,table=z.tab
+        pitch-gateway init mill.toml --controller-compensation-off \
+          --drive oriental-az --units mm --unit-id 1 --counts-per-unit 1000 \
+          --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 \
+          --travel -300 0 \
+          --another-axis y,unit-id=2,counts-per-unit=1000,travel=-200:0 \
+          --another-axis z,unit-id=3,counts-per-unit=500,travel=-99:0,table=z.tab
     """
     from gateway.cli.first_configuration import Serial
 
