@@ -333,7 +333,8 @@ def _scanned(asking: Asking, draft: "Draft", wanted: tuple[int, ...]) -> str:
 def _say_before(name: str, draft: "Draft", ports: "Sequence[Found]", *, is_first: bool) -> None:
     """Say what somebody has to know for a question."""
     if name.endswith("_at"):
-        typer.echo("  serial ports that are there:" if ports else "  no serial port is there", err=True)
+        listed = "  serial ports that are there (type a number to take one):"
+        typer.echo(listed if ports else "  no serial port is there", err=True)
         for number_, port in enumerate(ports, start=1):
             typer.echo(f"    {number_}  {port}", err=True)
     if name in EXPLAINED and is_first:
