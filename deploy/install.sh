@@ -223,7 +223,7 @@ do_install() {
     remove_old_releases
     enable_units
     say_what_runs
-    [ -e "$root$ETC/gateway.toml" ] || say "there is no $ETC/gateway.toml yet: cd $ETC && $NAME init"
+    [ -e "$root$ETC/gateway.toml" ] || say "there is no $ETC/gateway.toml yet: sudo $NAME init $ETC/gateway.toml"
 }
 
 environment() {

@@ -5,6 +5,30 @@ from typing import Final
 
 from gateway.catalogue.entry import StateEntry
 
+VERDICT: Final = (
+    StateEntry(
+        "healthy",
+        "nothing is wrong: relay and supervisor run, controllers ask where they ought to, drives answer",
+    ),
+    StateEntry(
+        "waiting",
+        "nothing is wrong yet, and nothing is known to be well: no controller has asked since the relay was "
+        "started, or the relay was not heard yet",
+        "start the controller",
+    ),
+    StateEntry(
+        "warning",
+        "something is not as it should be; what a controller sends still passes",
+        "do what its trouble says",
+    ),
+    StateEntry(
+        "error",
+        "positions do not pass, or not as they should: the machine needs you",
+        "do what its trouble says",
+    ),
+)
+"""``verdict.state``, and ``axes.NAME.verdict.state``."""
+
 COMPENSATION: Final = (
     StateEntry("active", "the axis is corrected"),
     StateEntry(
@@ -113,6 +137,7 @@ CROSS: Final = (
 """``axes.NAME.terms.cross.state``."""
 
 STATES: Final[Mapping[str, tuple[StateEntry, ...]]] = {
+    "verdict.state": VERDICT,
     "axes.NAME.compensation": COMPENSATION,
     "axes.NAME.direction": DIRECTION,
     "axes.NAME.table.status": TABLE_FILE,

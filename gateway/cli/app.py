@@ -3,6 +3,7 @@
 import sys
 from collections import UserDict
 from importlib import import_module
+from inspect import cleandoc
 from typing import Annotated, Any, Final
 
 import typer
@@ -62,7 +63,18 @@ def _load(name: str) -> Any:
         one.add_typer(module.app, name=name)
     else:
         one.command(name)(getattr(module, name))
-    return get_group(one).commands[name]
+    command = get_group(one).commands[name]
+    for each in (command, *getattr(command, "commands", {}).values()):
+        each.help = _flowing(each.help or "")
+    return command
+
+
+def _flowing(text: str) -> str:
+    """Return a help with each paragraph as one line, which ends where the terminal does; examples stay."""
+    paragraphs = cleandoc(text).split("\n\n")
+    return "\n\n".join(
+        each if "\n " in each or each.startswith(" ") else " ".join(each.split("\n")) for each in paragraphs
+    )
 
 
 class _Group(TyperGroup):

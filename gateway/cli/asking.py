@@ -81,13 +81,13 @@ def number(question: str) -> float:
         raise ValueError(f'found "{answer}"; allowed: a number, as in 1000 or -0.5') from None
 
 
-def whole_number(question: str) -> int:
-    """Ask for a whole number.
+def whole_number(question: str, default: str | None = None) -> int:
+    """Ask for a whole number; Enter takes the default, where there is one.
 
     Raises:
         ValueError: the answer is none.
     """
-    answer = text(question)
+    answer = text(question, default)
     try:
         return int(answer)
     except ValueError:

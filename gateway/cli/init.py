@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gateway.cli.first_configuration import Serial
     from gateway.cli.serial_ports import Found
 
-QUESTIONS: Final[Mapping[str, tuple[Callable[[str], Any], str]]] = {
+QUESTIONS: Final[Mapping[str, tuple[Callable[..., Any], str]]] = {
     "drives_at": (text, "Drives at (/dev/…, HOST:PORT, or rtu://HOST:PORT)"),
     "drives_format": (text, "Baud rate, parity and stop bits of the drives"),
     "controller_at": (text, "Controller at (/dev/…, or HOST:PORT to listen on)"),
@@ -98,7 +98,7 @@ def init(
     systemd: options.Systemd = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Write a commented configuration for the drives on one line, to start from.
+    r"""Write a commented configuration for the drives on one line, to start from.
 
     Asks first whether the controller's own compensation is off, then for what the options leave open; serial
     ports that are there are listed by the names that last, and chosen by their number. An answer that the
@@ -117,13 +117,17 @@ def init(
 
         pitch-gateway init --scan
 
-        pitch-gateway init mill.toml --controller-compensation-off --drive oriental-az --units mm --unit-id 1
-        --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 --counts-per-unit 1000 --travel -300 0
+        pitch-gateway init mill.toml --controller-compensation-off \
+          --drive oriental-az --units mm --unit-id 1 --counts-per-unit 1000 \
+          --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 \
+          --travel -300 0
 
-        pitch-gateway init mill.toml --controller-compensation-off --drive oriental-az --units mm --unit-id 1
-        --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 --counts-per-unit 1000 --travel -300 0
-        --another-axis y,unit-id=2,counts-per-unit=1000,travel=-200:0
-        --another-axis z,unit-id=3,counts-per-unit=2000,travel=-120:0,table=z.tab
+        pitch-gateway init mill.toml --controller-compensation-off \
+          --drive oriental-az --units mm --unit-id 1 --counts-per-unit 1000 \
+          --drives-at /dev/ttyUSB1 --controller-at 127.0.0.1:1502 \
+          --travel -300 0 \
+          --another-axis y,unit-id=2,counts-per-unit=1000,travel=-200:0 \
+          --another-axis z,unit-id=3,counts-per-unit=500,travel=-99:0,table=z.tab
     """
     from gateway.cli.first_configuration import Serial
 
@@ -263,8 +267,8 @@ def _settle_rest(
         if name in OF_LINE and before is not None:
             continue
         answer = given.get(name)
-        if name == "drives_format" and scanned is not None and (found := _scanned(asking, draft, scanned)):
-            usual[name] = found
+        if name == "drives_format" and scanned is not None:
+            usual |= _scanned(asking, draft, scanned)
         if name in FORMATS:
             if not draft.wants_format(name) or not asking.is_on:
                 continue
@@ -273,7 +277,7 @@ def _settle_rest(
             _say_before(name, draft, ports, is_first=before is None)
         if answer is None and not asking.is_on:
             answer = usual.get(name)
-        asked = partial(text, question, usual[name]) if name in usual else partial(ask, question)
+        asked = partial(ask, question, usual[name]) if name in usual else partial(ask, question)
         if name.endswith("_at"):
             asked = partial(_choice, question, [port.path for port in ports])
         said = len(draft.notes)
@@ -294,8 +298,8 @@ def _usual(draft: "Draft", before: Mapping[str, Any] | None) -> dict[str, str]:
     return usual | {name: str(before[name]) for name in names}
 
 
-def _scanned(asking: Asking, draft: "Draft", wanted: tuple[int, ...]) -> str:
-    """Look for drives at every setting; return the one at which they answer, empty where none did."""
+def _scanned(asking: Asking, draft: "Draft", wanted: tuple[int, ...]) -> dict[str, str]:
+    """Look for drives at every setting; return the one at which they answer, and the lowest unit id there."""
     from gateway.cli.first_configuration import format_words
     from gateway.cli.scanning import scan
     from gateway.transport.errors import TransportError
@@ -304,32 +308,33 @@ def _scanned(asking: Asking, draft: "Draft", wanted: tuple[int, ...]) -> str:
     device, offered = draft.answers["drives_at"], draft.serial("drives_format")
     if not device.startswith("/"):
         typer.echo("  --scan: a network has no baud rate: nothing is looked for", err=True)
-        return ""
+        return {}
     address = draft.read_address
     if not asking.is_yes(SCAN_QUESTION.format(device=device, address=address)):
-        return ""
+        return {}
     try:
         found = asyncio.run(
             scan(device, offered, address, wanted, lambda line: typer.echo(f"  {line}", err=True))
         )
     except (TransportError, LostError) as error:
         typer.echo(f"  not scanned: {getattr(error, 'detail', error)}", err=True)
-        return ""
+        return {}
     if found is None:
         typer.echo(
             "  no drive answers: are the drives on, is the wire on the right plug, are D1 and D0 (A and B) "
             "swapped? A drive with a unit id above 8 is looked for with --unit-id",
             err=True,
         )
-        return ""
+        return {}
     typer.echo(f"  unit ids that answer: {', '.join(map(str, found.unit_ids))}", err=True)
-    return format_words(found.serial)
+    return {"drives_format": format_words(found.serial), "unit_id": str(min(found.unit_ids))}
 
 
 def _say_before(name: str, draft: "Draft", ports: "Sequence[Found]", *, is_first: bool) -> None:
     """Say what somebody has to know for a question."""
     if name.endswith("_at"):
-        typer.echo("  serial ports that are there:" if ports else "  no serial port is there", err=True)
+        listed = "  serial ports that are there (type a number to take one):"
+        typer.echo(listed if ports else "  no serial port is there", err=True)
         for number_, port in enumerate(ports, start=1):
             typer.echo(f"    {number_}  {port}", err=True)
     if name in EXPLAINED and is_first:

@@ -37,7 +37,7 @@ BY_CERTIFICATE: Final = "by role"
 """In the place of a role: each certificate brings its own, and 80 columns are few."""
 OF_VERDICT: Final = {"healthy": "green", "waiting": "cyan", "warning": "yellow", "error": "red"}
 OLD: Final = {
-    "last-reading": "its position was read last",
+    "last-reading": "its position was last read",
     "target": "its position was not read since it got its target",
 }
 """What an axis shows that is no reading of now."""
@@ -134,7 +134,7 @@ def _line(name: str, line: Mapping[str, Any]) -> Iterator[RenderableType]:
             f"  {escape(controller['name'])}",
             BY_CERTIFICATE if "tls" in controller else escape(controller["role"]),
             _connected(controller),
-            *(_number(took_us[key], 1) for key in ("p50", "p99", "max")),
+            *(_micros(took_us[key]) for key in ("p50", "p99", "max")),
             *(_number(computed.get(key), 2) for key in ("exchange_ms", "round_ms")),
             f"{computed['timeout_ms']:g}" if "timeout_ms" in computed else NOT_KNOWN,
         )
@@ -268,7 +268,7 @@ def _times(axes: Mapping[str, Any]) -> Table:
         overruns = str(latency["budget_overruns"])
         table.add_row(
             escape(name),
-            *(_number(took_us[key], 1) for key in ("p50", "p99", "max", "max_minute")),
+            *(_micros(took_us[key]) for key in ("p50", "p99", "max", "max_minute")),
             _number(latency["budget_us"], 0),
             f"[red]{overruns}[/]" if latency["is_over_budget"] else overruns,
         )
@@ -286,6 +286,10 @@ def _table(*headings: str) -> Table:
 def _coloured(state: str) -> str:
     colour = COLOURS.get(state)
     return f"[{colour}]{state}[/]" if colour else escape(state)
+
+
+def _micros(us: float | None) -> str:
+    return _number(us, 1 if us is not None and us < 1000.0 else 0)
 
 
 def _number(value: float | None, digits: int) -> str:

@@ -69,7 +69,7 @@ def sources_of(loaded: Loaded) -> dict[str, str]:
 
 
 def keys_of(tables: Any) -> dict[str, str]:
-    """Return what a document says, each value by its key, so that two of them can be compared.
+    """Return what a document says, each value as JSON by its key, so that two of them can be compared.
 
     >>> keys_of({"axis": {"x": {"gain": 0.5, "travel": [0, 10]}}})
     {'axis.x.gain': '0.5', 'axis.x.travel[1]': '0', 'axis.x.travel[2]': '10'}

@@ -171,9 +171,11 @@ def _table_lines(table: dict[str, Any], unit: str, max_speed: float) -> Iterator
         f"  corrections up to {table['max_correction']:.4g} {unit}, slope up to {table['max_slope']:.3g}, "
         f"between the directions up to {table['max_reversal']:.4g} {unit}"
     )
-    at_speed = f"at {max_speed:g} {unit}/s" if max_speed else "(max_speed is not known)"
+    step = f"  can cause a step of {cause['largest_step']:.4g} {unit} at a reversal"
+    if not max_speed:
+        yield f"{step}; without max_speed it is not known what speed it adds"
+        return
     yield (
-        f"  can cause a step of {cause['largest_step']:.4g} {unit} at a reversal, "
-        f"{cause['added_speed']:.4g} {unit}/s of speed and {cause['added_acceleration']:.4g} {unit}/s² of "
-        f"acceleration {at_speed}"
+        f"{step}, {cause['added_speed']:.4g} {unit}/s of speed and {cause['added_acceleration']:.4g} "
+        f"{unit}/s² of acceleration at {max_speed:g} {unit}/s"
     )

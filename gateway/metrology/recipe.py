@@ -202,7 +202,9 @@ def _check(recipe: Recipe) -> None:
     if recipe.step is not None and recipe.tolerance is not None:
         raise ReadingsError("a step and a tolerance: an even grid or the fewest points, not both")
     if recipe.travel is not None and recipe.step is None:
-        raise ReadingsError("a travel without a step: only an even grid is laid over the travel")
+        raise ReadingsError(
+            "travel without step: only an even grid covers the travel; give --step too, or leave --travel out"
+        )
     if recipe.travel is not None and not recipe.travel[0] < recipe.travel[1]:
         raise ReadingsError(
             f"a travel from {recipe.travel[0]:g} to {recipe.travel[1]:g}: the lower end first, then the upper"

@@ -80,6 +80,9 @@ class Acknowledged:
         Raises:
             ValueError: it is something else.
         """
-        kept = msgspec.json.decode(content, type=list[Acknowledgement])
+        try:
+            kept = msgspec.json.decode(content, type=list[Acknowledgement])
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+            raise ValueError(str(error)) from error
         self._kept = {(one.kind, one.place): one for one in kept[-MOST:]}
         self._stays_until_s = now_s + LOOK_S

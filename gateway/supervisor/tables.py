@@ -1,6 +1,7 @@
 """The tables of a configuration: read, checked, compiled, kept as the last good ones, handed to the relay."""
 
 import contextlib
+import json
 import os
 import re
 import tomllib
@@ -300,7 +301,8 @@ def _need_restart(loaded: Loaded, before: CompiledPlan) -> list[str]:
 def _is_live(key: str, loaded: Loaded, before: CompiledPlan) -> bool:
     """Whether a gateway that runs can be given the new value; of modes: the end of a dry run."""
     now, then = keys_of(loaded.document.tables), keys_of(tomllib.loads(before.configuration))
-    is_off = key.endswith(".compensation") and CompensationMode.OFF.value in (now.get(key), then.get(key))
+    off = json.dumps(CompensationMode.OFF.value)
+    is_off = key.endswith(".compensation") and off in (now.get(key), then.get(key))
     return _LIVE.fullmatch(key) is not None and not is_off
 
 

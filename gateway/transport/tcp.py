@@ -79,10 +79,15 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
             self._buffer = memoryview(bytearray(RECEIVE_BYTES + MORE_BYTES))
             self._receiver.opened(self, boot_ns())
             return
-        self._transport.pause_reading()
+        # Not yet: behind this call the transport of Python 3.11.2 (Debian 12) begins to read, paused or not.
+        self._loop.call_soon(self._keep_transport_from_reading)
         self._direct = DirectSocket(self, connection.fileno(), self._receiver, self._loop.selector)
         self._loop.add_reader(self._direct.descriptor, self._direct.readable)
         self._receiver.opened(self._direct, boot_ns())
+
+    def _keep_transport_from_reading(self) -> None:
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.pause_reading()
 
     def get_buffer(self, sizehint: int) -> memoryview:
         """See ``asyncio.BufferedProtocol``."""

@@ -10,11 +10,12 @@ from gateway.catalogue.entry import RefusalEntry, StartEntry
 from gateway.catalogue.exceptions import TITLES
 from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import STARTS
-from gateway.catalogue.states import COMPENSATION, CROSS, DIRECTION, TABLE_FILE, THERMAL
+from gateway.catalogue.states import COMPENSATION, CROSS, DIRECTION, TABLE_FILE, THERMAL, VERDICT
 from gateway.catalogue.troubles import TROUBLES
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.modbus.pdu import ExceptionCode
 from gateway.supervisor.book import FileState
+from gateway.supervisor.verdict import State
 from tests.catalogue.sentences import begins, raised, trees
 
 PASSED_ON = {"…: …; …", "…: …", "gateway.state: …", "…: …; it was there a moment ago"}
@@ -45,6 +46,7 @@ def not_started() -> set[str]:
 
 def test_states_are_those_of_the_status() -> None:
     assert {state.name for state in COMPENSATION} == set(COMPENSATION_STATES)
+    assert [state.name for state in VERDICT] == [state.value for state in State]
     assert {state.name for state in DIRECTION} == set(DIRECTION_STATES)
     assert {state.name for state in TABLE_FILE} == {"none", *(state.value for state in FileState)}
     for of_term in (THERMAL, CROSS):

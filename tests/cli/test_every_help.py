@@ -1,5 +1,6 @@
 """The help of every command: it runs, and it shows examples."""
 
+import itertools
 import re
 import subprocess
 import sys
@@ -36,6 +37,17 @@ def test_the_help_of_a_command_shows_examples_of_it(command: tuple[str, ...]) ->
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_an_example_that_takes_several_lines_can_be_pasted(command: tuple[str, ...]) -> None:
+    found = APP
+    for name in command:
+        found = found.commands[name]
+    _, _, examples = found.help.partition("Examples:")
+    lines = [line.strip() for line in examples.splitlines() if line.strip()]
+    for before, line in itertools.pairwise(lines):
+        assert line.startswith(("pitch-gateway ", "sudo pitch-gateway ")) or before.endswith(" \\"), line
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_nothing_of_a_help_is_lost_on_its_way_to_the_terminal(command: tuple[str, ...]) -> None:
     """A word in brackets would be taken for a style, and nothing shown of it."""
     found = APP
@@ -49,6 +61,16 @@ def test_nothing_of_a_help_is_lost_on_its_way_to_the_terminal(command: tuple[str
     shown = "".join(re.sub(r"[│╭╮╰╯─]", " ", result.stdout).split())
     for parameter in found.params:
         assert "".join((getattr(parameter, "help", None) or "").split()) in shown
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_the_lines_of_a_help_end_where_the_terminal_does(command: tuple[str, ...]) -> None:
+    result = CliRunner().invoke(app, [*command, "--help"], env={"COLUMNS": "80"})
+    said, _, _ = result.stdout.partition("Examples:")
+    lines = [line.strip() for line in said.splitlines()]
+    for line, following in itertools.pairwise(lines):
+        if line and following and not following.startswith("-"):
+            assert len(f"{line} {following.split()[0]}") > 78, f"{line}\n{following}"
 
 
 def test_the_commands_are_found() -> None:

@@ -14,6 +14,7 @@ from gateway.catalogue.starts import STARTS
 from gateway.cli.app import app
 from gateway.cli.explain import _complete
 from gateway.cli.status_output import SHOWN
+from gateway.supervisor.verdict import State
 from tests.supervisor.http.exposition import families
 from tests.supervisor.http.http_bench import SICK, model, snapshot
 from tests.supervisor.page.stage import FOLDER
@@ -113,6 +114,13 @@ def test_a_sentence_of_the_log_is_found() -> None:
 def test_a_piece_of_a_sentence_is_enough() -> None:
     assert "the relay does not" not in explain("has changed since").stdout
     assert "check --compile" in explain("has changed since").stdout
+
+
+@pytest.mark.parametrize("word", [state.value for state in State])
+def test_the_large_word_of_the_page_is_told(word: str) -> None:
+    result = explain(word)
+    assert result.exit_code == 0
+    assert f"{word} (state)\n  means:  verdict.state: " in result.stdout
 
 
 def test_what_is_misspelt_is_said_with_what_was_meant() -> None:

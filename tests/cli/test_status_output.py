@@ -208,7 +208,7 @@ def test_an_axis_whose_drive_is_silent_says_that_and_where_it_was_seen_last() ->
         *("x", "Drive", "silent", "forward", "50.1990", "50.2490"),
         *("49.5000", "49.5500", "mm"),
     ]
-    assert "  x: its position was read last 1 min 15 s ago" in shown.getvalue().splitlines()
+    assert "  x: its position was last read 1 min 15 s ago" in shown.getvalue().splitlines()
 
 
 def test_a_target_that_nobody_reads_is_dim_with_its_age() -> None:
@@ -261,6 +261,23 @@ def test_a_trouble_says_since_when_and_who_has_seen_it() -> None:
     then = datetime(2026, 5, 1, 12, tzinfo=UTC).astimezone()
     assert second == f"  since {then:%Y-%m-%d %H:%M:%S} → check power"
     assert third == f"  acknowledged by shift, {then:%Y-%m-%d %H:%M:%S}"
+
+
+def test_headings_stay_whole_on_eighty_columns_beside_long_times() -> None:
+    """A gateway that took 10.9537 ms, before a controller of which six rounds take six time-outs."""
+    model = copy.deepcopy(MODEL)
+    line = model["lines"]["xyz"]
+    line["controllers"][0] |= {"gateway_us": {"p50": 194.72, "p99": 10_001.4, "max": 10_953.7}}
+    line["controllers"][0]["name"] = "controller"
+    line["computed"] = {"controller": {"exchange_ms": 1000.0, "round_ms": 6000.0, "timeout_ms": 1000.0}}
+    line["controllers"][1].pop("state")
+    line["controllers"][1]["connections"] = []
+    file = io.StringIO()
+    show_status(Console(file=file, width=80, highlight=False), model)
+    words = file.getvalue().split()
+    assert {"connected", "controller", "exchange", "time-out"} <= set(words)
+    # Of a time from 1 ms on, tenths of a µs say nothing.
+    assert {"194.7", "10001", "10954"} <= set(words)
 
 
 def test_names_and_numbers_stay_whole_on_eighty_columns() -> None:

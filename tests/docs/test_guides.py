@@ -77,7 +77,8 @@ def commands(command: Any, *before: str) -> Iterator[tuple[tuple[str, ...], Any]
 def of_help() -> Iterator[Example]:
     for names, command in commands(ROOT_COMMAND):
         _, _, examples = command.help.partition("Examples:")
-        for line in re.findall(r"^\s*(?:sudo )?pitch-gateway (.*)", examples, re.MULTILINE):
+        whole = re.sub(r"\\\n\s*", "", examples)
+        for line in re.findall(r"^\s*(?:sudo )?pitch-gateway (.*)", whole, re.MULTILINE):
             if words := typed_words(line):
                 yield Example(f"{' '.join(names)} --help", words)
 

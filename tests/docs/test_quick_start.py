@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 from tests.docs.pages import blocks
@@ -39,6 +40,12 @@ def test_from_an_empty_clone_to_the_first_corrected_move_it_is_five_commands(tmp
     assert done.stdout.startswith(SAID.text), done.stdout + done.stderr
     assert re.search(r"x +active +backward +-150\.0000 +-150\.0120", done.stdout)
     assert re.search(r"added +│ -0\.0029 mm +│ -0\.0121 mm", done.stdout)
+
+
+def test_nobody_misses_the_controller_of_the_desk_once_it_has_ended() -> None:
+    """It ends with the fifth command; the page that is looked at then shall not warn of it."""
+    desk = tomllib.loads((ROOT / "deploy" / "desk" / "gateway.toml").read_text())
+    assert [each["silent_after_s"] for each in desk["line"]["main"]["controllers"]] == [0]
 
 
 def test_it_is_read_in_a_few_minutes() -> None:

@@ -66,7 +66,7 @@ def answers(folder: Path, port: str, *given: str) -> tuple[int, str]:
         "y",
         "",
         "127.0.0.1:1502",
-        "3",
+        "",
         "mm",
         "1000",
         "absolute",
@@ -92,8 +92,11 @@ def test_it_finds_the_setting_and_everybody_who_answers_and_only_reads(
     assert "  38400 8E2: an answer from unit id 3; asking the others up to 247\n" in said
     assert "  unit ids that answer: 3, 11\n" in said
     assert "stop bits of the drives [38400 8E2]" in said
-    drives_ = tomllib.loads((tmp_path / "gateway.toml").read_text())["line"]["main"]["drives"]
+    assert "Modbus unit id of the drive [3]" in said
+    written = tomllib.loads((tmp_path / "gateway.toml").read_text())
+    drives_ = written["line"]["main"]["drives"]
     assert (drives_["baudrate"], drives_["parity"]) == (38400, "even")
+    assert written["axis"]["x"]["unit_id"] == 3
     # Function code 3, register 0x0020, one register.
     assert {frame[1:6] for frame in drives.asked} == {struct.pack(">BHH", 3, 0x20, 1)}
     assert {frame[0] for frame in drives.asked} == set(range(1, 248))

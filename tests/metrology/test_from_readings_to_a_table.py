@@ -295,7 +295,7 @@ def test_a_grid_over_the_travel_holds_what_was_not_measured() -> None:
     assert list(built.table.forward) == pytest.approx([0.003, 0.010, 0.018])
     assert any("no reading from 0 to 3 mm" in note for note in built.notes)
     assert any("no reading from 18 to 20 mm" in note for note in built.notes)
-    with pytest.raises(ReadingsError, match="a travel without a step"):
+    with pytest.raises(ReadingsError, match=r"travel without step: .* --step too, or leave --travel"):
         build_from(Survey(tuple(readings), Units.MM), Recipe(travel=(0.0, 25.0)))
     with pytest.raises(ReadingsError, match="a travel from 25 to 0: the lower end first"):
         build_from(Survey(tuple(readings), Units.MM), Recipe(step=10.0, travel=(25.0, 0.0)))

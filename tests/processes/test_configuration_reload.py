@@ -211,6 +211,24 @@ def test_a_dry_run_ends_with_a_reload_and_comes_back_with_a_restart_only(site: S
     assert [note["axes"] for note in gateway.notes if note["event"] == "dry-run-ended"] == [["x"]]
 
 
+def test_a_mode_that_was_or_becomes_off_needs_a_restart_and_is_named(site: Site) -> None:
+    on = site.config.read_text()
+    for then, now in (("on", "off"), ("off", "on"), ("off", "shadow")):
+        site.config.write_text(on.replace('compensation = "on"', f'compensation = "{then}"'))
+        with gateway_of(site) as (gateway, master):
+            moved = 50_050 if then == "on" else 50_000
+            assert master.move(50_000) == moved
+            site.config.write_text(on.replace('compensation = "on"', f'compensation = "{now}"'))
+            refused = typed("reload", str(site.config))
+            assert (refused.returncode, refused.stdout) == (1, "")
+            assert refused.stderr == (
+                f"{site.config}: changed since the gateway was started: axis.x.compensation; restart the "
+                "gateway to take it over\n"
+            )
+            assert master.move(60_000) == (60_060 if then == "on" else 60_000)
+            assert gateway.end() == 0
+
+
 def test_the_line_that_the_warning_of_a_missing_mode_names_can_be_written_while_it_runs(site: Site) -> None:
     config, on = str(site.config), site.config.read_text()
     site.config.write_text(on.replace('compensation = "on"\n', ""))

@@ -59,6 +59,29 @@ async def test_a_connection_sends_at_once_and_finds_out_when_the_peer_is_gone(
     await listener.close()
 
 
+def test_only_the_relay_s_loop_reads_a_connection(make_recorder: "type[Recorder]") -> None:
+    """Python 3.11.2 (Debian 12) has a transport begin to read though it was paused as it was made."""
+    faults: list[object] = []
+    near, far = make_recorder(), make_recorder()
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, RelayLoop)
+        loop.set_exception_handler(lambda _, context: faults.append(context))
+        listener = TcpListener(LOOPBACK, (), lambda: far, nobody)
+        await listener.open()
+        where = listener.addresses[0]
+        _, channel = await loop.create_connection(lambda: WatchedChannel(near), where.host, where.port)
+        assert channel.socket.fileno() not in loop.selector.get_map()
+        channel.close()
+        await channel.lost
+        await listener.close()
+
+    with asyncio.Runner(loop_factory=RelayLoop) as runner:
+        runner.run(main())
+    assert faults == []
+
+
 async def test_an_address_outside_allow_is_closed_and_counted(make_recorder: "type[Recorder]") -> None:
     far = make_recorder()
     refused: list[tuple[str, Refusal]] = []
