@@ -5,6 +5,7 @@ stands for a millimetre. The deviation has the sign of a measurement: true posit
 a positive progressive error is a screw whose pitch is too long.
 """
 
+import math
 import random
 from dataclasses import dataclass
 from math import cos, pi, sin
@@ -110,17 +111,26 @@ def waviness(
     )
 
 
-def worn_screw(rng: random.Random, start_mm: float, length_mm: float, lead_mm: float) -> Screw:
+def worn_screw(
+    rng: random.Random,
+    start_mm: float,
+    length_mm: float,
+    lead_mm: float,
+    *,
+    most_um_per_m: float = math.inf,
+) -> Screw:
     """Screw of an old machine: 80 to 120 µm of pitch error over its length, and worn by 20 to 30 µm.
 
-    The errors scale with nothing: a short screw is worn as much as a long one. Periodic error stays small,
+    The errors scale with nothing: a short screw is worn as much as a long one, but for ``most_um_per_m``, the
+    most of pitch error. Periodic error stays small,
     as on real ground screws; a correction table with points farther apart than half a lead cannot remove it.
     """
     long_or_short = rng.choice((-1.0, 1.0))
     return Screw(
         start_mm=start_mm,
         length_mm=length_mm,
-        progressive_um_per_m=long_or_short * rng.uniform(80.0, 120.0) * 1000.0 / length_mm,
+        progressive_um_per_m=long_or_short
+        * min(rng.uniform(80.0, 120.0) * 1000.0 / length_mm, most_um_per_m),
         bow_um=rng.uniform(-15.0, 15.0),
         periodic=(
             PeriodicError(rng.uniform(0.5, 0.8), lead_mm, rng.random()),

@@ -29,6 +29,8 @@ from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 CONTROLLER_SUFFIX: Final = ".controller"
 LEAD_MM: Final = 5.0
+MOST_UM_PER_M: Final = 200.0
+"""Less than `table build` takes for a wrong scale, so that measuring can be learnt at a desk."""
 DEFAULT_TRAVEL_MM: Final = (0.0, 500.0)
 DEFAULT_SPEED_MM_S: Final = 100.0
 ACCELERATION_S: Final = 0.05
@@ -82,7 +84,7 @@ def simulated_mechanics(plan: AxisPlan, seed: int) -> Mechanics:
     low, high = (end * mm for end in settings.travel) if settings.travel else DEFAULT_TRAVEL_MM
     speed = settings.max_speed * mm or DEFAULT_SPEED_MM_S
     return Mechanics(
-        worn_screw(rng, low, high - low, LEAD_MM),
+        worn_screw(rng, low, high - low, LEAD_MM, most_um_per_m=MOST_UM_PER_M),
         encoder_of(settings),
         backlash_mm=rng.uniform(0.020, 0.045),
         dynamics=Dynamics(speed, speed / ACCELERATION_S),

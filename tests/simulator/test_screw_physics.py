@@ -10,6 +10,7 @@ from gateway.simulator.mechanics import Encoder, Mechanics
 from gateway.simulator.motion import Dynamics, plan_motion, standing
 from gateway.simulator.play import Flank, Play
 from gateway.simulator.screw import PeriodicError, Screw, Wear, worn_screw
+from gateway.simulator.world import MOST_UM_PER_M
 
 
 def test_progressive_error_grows_with_the_distance_from_zero() -> None:
@@ -47,6 +48,18 @@ def test_a_worn_screw_is_the_same_for_the_same_seed_and_worse_than_50_um(seed: i
     assert screw == again
     deviations = [screw.deviation_mm(float(x)) for x in range(-300, 1, 10)]
     assert max(deviations) - min(deviations) >= 0.050
+
+
+@given(st.integers(0, 2**32), st.sampled_from((300.0, 500.0, 1000.0)))
+def test_the_screw_of_a_desk_is_never_taken_for_a_wrong_scale(seed: int, length_mm: float) -> None:
+    """`table build` refuses more than 0.3 mm/m as a wrong scale."""
+    screw = worn_screw(random.Random(seed), -length_mm, length_mm, 5.0, most_um_per_m=MOST_UM_PER_M)
+    places = [-length_mm + length_mm * number / 100 for number in range(101)]
+    middle = sum(places) / len(places)
+    deviations = [screw.deviation_mm(place) for place in places]
+    slope = sum((x - middle) * y for x, y in zip(places, deviations, strict=True))
+    slope /= sum((x - middle) ** 2 for x in places)
+    assert abs(slope) < 0.0003
 
 
 def test_the_nut_follows_only_after_the_play_is_taken_up() -> None:
