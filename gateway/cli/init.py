@@ -456,14 +456,15 @@ def _say_what_is_left(file: Path, following: list[str], *, as_json: bool) -> boo
 
     left: list[Any] = []
     try:
-        load(file)
+        warnings = load(file).warnings
     except ConfigErrors as errors:
-        left = list(errors.problems)
+        left, warnings = list(errors.problems), errors.warnings
     if as_json:
         result = {
             "file": str(file),
             "ok": not left,
             "left": [problem.as_dict() for problem in left],
+            "warnings": [warning.as_dict() for warning in warnings],
             "next": following,
         }
         typer.echo(json.dumps(result, indent=2, ensure_ascii=False))
@@ -471,6 +472,8 @@ def _say_what_is_left(file: Path, following: list[str], *, as_json: bool) -> boo
     typer.echo(f"{file} is written" + ("; left to do:" if left else " and good"))
     for problem in left:
         typer.echo(f"  {problem}")
+    for warning in warnings:
+        typer.echo(f"warning: {warning}")
     typer.echo("next:")
     for line in following:
         typer.echo(f"  {line}")
