@@ -531,7 +531,7 @@ def test_root_is_told_to_run_it_as_the_user_whose_folder_it_is(tmp_path: Path) -
 
 
 def test_what_check_would_warn_of_is_said_with_the_file(tmp_path: Path) -> None:
-    """Two drives on one RTU line with the time-outs of a new file: one that falls silent holds up the other."""
+    """Two drives on one RTU line: with the time-outs of a new file one that is silent holds up the other."""
     given = options(drives_at="/dev/ttyUSB1")
     result = run(tmp_path, *given, *further("y,unit-id=4,counts-per-unit=1000,travel=-200:0"))
     assert result.exit_code == 0, result.stderr
