@@ -171,5 +171,11 @@ REMARKS: Final = (
         "it",
         "nothing has to be done where the table was measured so",
     ),
+    RemarkEntry(
+        "R13",
+        "warning",
+        "a PMAC table has entries other than 0 where the travel never gets",
+        "check the length in the file, `file_counts_per_unit` and `travel`: one of them may be wrong",
+    ),
 )
 """Every code keeps its meaning for ever."""

@@ -24,6 +24,7 @@ from gateway.tabfile import (
     mint,
     mint_writing,
     mitsubishi,
+    pmac,
     renishaw_ren,
     siemens,
     siemens_cec,
@@ -246,6 +247,13 @@ DIALECTS: Final = (
     _of(carvera)(
         uses=frozenset({"file_start", "file_axis"}),
         suffix=carvera.SUFFIX,
+        directions=1,
+        is_writable=False,
+    ),
+    _of(pmac)(
+        uses=frozenset({"file_counts_per_unit", "file_axis", "error_sense"}),
+        units=UnitsOf.TOLD,
+        suffix=pmac.SUFFIX,
         directions=1,
         is_writable=False,
     ),

@@ -31,8 +31,16 @@ def told_sense(source: SourceText, context: FileContext, own_key: str | None) ->
     return own if own is not None else context.error_sense
 
 
-def required_sense(source: SourceText, context: FileContext, own_key: str | None, what: str) -> ErrorSense:
-    """Return the sense of a file of which nothing proves it; ``what`` names the kind of file.
+def required_sense(
+    source: SourceText,
+    context: FileContext,
+    own_key: str | None,
+    what: str,
+    why: str = "no manual says which sign its errors have",
+) -> ErrorSense:
+    """Return the sense of a file of which nothing proves it.
+
+    ``what`` names the kind of file, ``why`` says why the sense is asked for.
 
     Raises:
         TabFileError: nobody told it: both readings are shown.
@@ -41,7 +49,7 @@ def required_sense(source: SourceText, context: FileContext, own_key: str | None
     if sense is None:
         key = own_key or "error_sense"
         raise source.error(
-            f"{what}: no manual says which sign its errors have",
+            f"{what}: {why}",
             f"{key} = 'actual_minus_command' or 'command_minus_actual'; one test move shows which is right",
             readings=_READINGS,
         )

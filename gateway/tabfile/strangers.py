@@ -30,16 +30,15 @@ def _of(title: str, sign: str, remedy: str) -> Stranger:
 STRANGERS: Final = (
     _of(
         "a PMAC backlash table (DEFINE BLCOMP)",
-        r"DEF(INE)?[ \t]+BLCOMP\b.*",
+        r"(#[0-9]+[ \t]*)?DEF(INE)?[ \t]+BLCOMP\b.*",
         "it belongs to a DEFINE COMP table: "
         + CSV.format("forward_um,backward_um")
         + "; an entry is 1/16 count, taken off in the negative direction only",
     ),
     _of(
-        "a PMAC compensation table (DEFINE COMP)",
-        r"DEF(INE)?[ \t]+(T?COMP|COMP)\b.*",
-        CSV.format("correction_mm")
-        + "; an entry is 1/16 count of the motor, added; the first lies one spacing from 0",
+        "a PMAC torque table (DEFINE TCOMP)",
+        r"(#[0-9]+[ \t]*)?DEF(INE)?[ \t]+TCOMP\b.*",
+        "it corrects torque and no position: take it out of the file; DEFINE COMP tables are read",
     ),
     _of(
         "a list of a Heidenhain display unit (ND)",

@@ -1,6 +1,7 @@
 """A second, careless reader for the samples of each dialect: plain sums, and no code of the real one."""
 
 import itertools
+import math
 import re
 from collections.abc import Sequence
 from typing import Final
@@ -191,6 +192,17 @@ def carvera(text: str) -> Meaning:
     if points[-1][0] <= 0:
         at_zero = sums[-1] - points[-1][0] * (points[-1][1] - 1)
     return _both(Units.MM, [(x, total - at_zero) for (x, _), total in zip(points, sums, strict=True)])
+
+
+def pmac(text: str) -> Meaning:
+    """1000 counts per mm, a travel from -300 to 500; 1/16 counts, added."""
+    lines = [re.split(";|//", line)[0].strip() for line in _lines(text)]
+    index = next(i for i, line in enumerate(lines) if re.match(r"(?i)(#\d+\s*)?def(ine)?\s+comp\b", line))
+    size, *_, length = map(int, re.sub(r"(?i).*comp|#\d+d?,", "", lines[index]).split(","))
+    entries = [int(word) for word in " ".join(lines[index + 1 :]).split()[:size]]
+    step = length / size / 1000
+    steps = range(math.floor(-300 / step), math.ceil(500 / step) + 1)
+    return _both(Units.MM, [(n * step, entries[(n - 1) % size] / 16_000) for n in steps])
 
 
 def heidenhain(text: str) -> Meaning:

@@ -397,4 +397,16 @@ SAMPLES: Final = (
         # from 0 on the mm are longer by 0.11, 0.11, 0.09 and 0.09 µm each: 1.1, 2.2, 3.1 and 4.0 µm
         moves=((300_000, 300_031), (200_000, 200_022), (400_000, 400_040)),
     ),
+    Sample(
+        "pmac",
+        "x.pmc",
+        shipped("pmac/x.pmc"),
+        FileContext(units=Units.MM, travel=(-300.0, 500.0), file_counts_per_unit=1000.0, error_sense=CMA),
+        meanings.pmac,
+        header=frozenset({5}),
+        free_lines=True,
+        table_options={"file_counts_per_unit": 1000.0, "error_sense": "command_minus_actual"},
+        # 72/16 counts are 4.5 µm; -24/16 are -1.5; half way from -32/16 to 0 -1.0
+        moves=((3_000_000, 3_000_045), (-2_000_000, -2_000_015), (-500_000, -500_010)),
+    ),
 )

@@ -9,8 +9,8 @@ from gateway.tabfile import FileContext, TabFileError, parse_table
 @pytest.mark.parametrize(
     ("text", "line", "found", "allowed"),
     [
-        ("; axis 1\nDEFINE COMP 4,#1,4000\n16 32 -16 0\n", 2, "PMAC compensation", "1/16 count"),
         ("#1\nDEFINE BLCOMP 4,4000\n16 16 16 16\n", 2, "PMAC backlash", "negative direction only"),
+        ("#1 def tcomp 4,4000\n16 16 16 16\n", 1, "PMAC torque", "no position"),
         ("#\r\nND-280      MM    \r\nAXIS X1  = 0\r\n", 2, "Heidenhain display unit", "power of two"),
         ("*\nCOMP. NO. 001 = +0.0000\n", 2, "Heidenhain display unit", "position_mm,error_um"),
         ("%\nN3620P40\nN3621P33\n", 2, "Fanuc", "fanuc-csv"),

@@ -1,0 +1,302 @@
+"""Leadscrew compensation of Delta Tau's PMAC and Turbo PMAC (``DEFINE COMP``): one direction; read only.
+
+Grammar, after the manufacturer's software reference and user manuals (on-line command ``DEFINE COMP``), words
+in any case; ``;`` and ``//`` begin a comment::
+
+    file    := (command | table)*           what a terminal sends to the control
+    table   := ["#" motor] "DEFINE" "COMP" entries "," ["#" source ["D"] "," ["#" target ","]] length
+               entry{entries}
+    entry   := whole number                 1/16 count; on the lines below, any number of them to a line
+
+``DEF`` is short for ``DEFINE``. A command ``#1`` addresses a motor; source and target are the addressed motor
+where they are not named. The first entry lies one spacing, length / entries counts, from the zero of the
+motor, the last one at ``length`` counts. Beyond, the control begins the table again: what is needed below
+zero stands at the end of the table, and the last entry also stands for zero. The manuals ask for a 0 there,
+and say that the correction at zero is 0 by definition. Another last entry breaks one of both and is refused.
+
+The manuals say that the control adds an entry to the desired position. Nothing in a file proves it, so
+``error_sense`` is required. Counts are those of the old motor: ``file_counts_per_unit``, negative where they
+fall while the axis goes up. Which entries belong below zero follows from the travel.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
+from math import ceil, floor
+from typing import Final
+
+from gateway.compensation.table import CorrectionTable
+from gateway.compensation.units import Units
+from gateway.tabfile.context import FileContext
+from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.fields import to_integer
+from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.increments import TURN_DEGREES, is_turn
+from gateway.tabfile.ranges import TOUCH, context_in_file_units, told_units
+from gateway.tabfile.senses import RULES, required_sense
+from gateway.tabfile.text import SourceText, listed, shown
+from gateway.tabfile.writing import WriteOptions, Written, unwritable
+
+NAME: Final = "pmac"
+TITLE: Final = "PMAC compensation table (DEFINE COMP), one direction, 1/16 counts; read only"
+SUFFIX: Final = ".pmc"
+PER_COUNT: Final = 16
+_WHAT: Final = "a PMAC compensation table"
+_WHY: Final = "by its manual an entry is added (command_minus_actual), and nothing in the file proves it"
+_ALLOWED: Final = (
+    "DEFINE COMP entries,#source,#target,length: 'DEFINE COMP 4,#1,#1,4000', or 'DEFINE COMP 4,4000'"
+)
+_COMMENT: Final = re.compile(r";|//")
+_HEAD: Final = re.compile(r"(?:#([0-9]{1,2})[ \t]*)?DEF(?:INE)?[ \t]+COMP\b(.*)", re.IGNORECASE | re.ASCII)
+_OTHER: Final = re.compile(r"(?:#[0-9]+[ \t]*)?DEF(?:INE)?[ \t]+(?:BL|T)COMP\b", re.IGNORECASE | re.ASCII)
+_MOTOR: Final = re.compile(r"#([0-9]{1,2})(D?)", re.IGNORECASE | re.ASCII)
+_ADDRESSED: Final = re.compile(r"#([0-9]{1,2})(?![0-9]|[ \t]*->)", re.ASCII)
+"""A motor that a command addresses; ``#1->1000X`` defines an axis."""
+_ENABLED: Final = re.compile(r"\bI51[ \t]*=[ \t]*([0-9]+)", re.IGNORECASE | re.ASCII)
+_NUMBER: Final = re.compile(r"[+-]?[.0-9]")
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """One table as it stands; ``source`` and ``target`` are None where they are the addressed motor."""
+
+    addressed: str | None
+    source: str | None
+    target: str | None
+    length: int
+    line: int
+    values: tuple[int, ...]
+    lines: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _File:
+    """All tables, how many other commands there are, and the line that leaves the compensation off."""
+
+    tables: tuple[_Table, ...]
+    commands: int
+    off: int | None
+
+
+def recognise(source: SourceText) -> bool:
+    """Whether a line defines such a table, and none a table of backlash or torque."""
+    return any(_HEAD.match(line.text) for line in source.lines) and not any(
+        _OTHER.match(line.text) for line in source.lines
+    )
+
+
+def read(source: SourceText, context: FileContext) -> Decoded:
+    """Read the table of one motor, over the travel of the axis or one turn.
+
+    Raises:
+        TabFileError: a line that is not grammar, a wrong number of entries, a table in two dimensions or of
+            two motors, several tables and no motor told, a last entry other than 0; no units, scale, sense or
+            travel told, a travel that is longer than the table.
+    """
+    file = _parse(source)
+    table, motor = _choose(source, file.tables, context)
+    units = context.file_units or context.units or told_units(source, context, _WHAT)
+    context = context_in_file_units(source, context, units)
+    scale = context.file_counts_per_unit
+    if scale is None:
+        raise source.error(
+            f"{_WHAT}, which holds counts, and no file_counts_per_unit",
+            f"file_counts_per_unit = counts of the motor per {context.option_units(units).value} on the OLD "
+            "control, negative where they fall while the axis goes up",
+        )
+    sense = required_sense(source, context, None, _WHAT, _WHY)
+    if table.values[-1]:
+        raise source.error(
+            f"a last entry of {table.values[-1]}, which also stands for the zero of the motor, where the "
+            "correction is 0 by definition",
+            "0; where the control did correct at zero, the table as CSV: position_mm,correction_mm",
+            line=table.lines[-1],
+        )
+    size = len(table.values)
+    step = table.length / (size * abs(scale))
+    low, high = _steps(source, context, table, step, units)
+    direction = 1 if scale > 0 else -1
+    rows, used = [], set()
+    for number in range(low, high + 1):
+        # Entry 1 belongs to one spacing, so 0 and each whole length take the last one.
+        index = (direction * number - 1) % size
+        used.add(index)
+        value, line = table.values[index], table.lines[index]
+        added = sense.to_correction * value / (PER_COUNT * scale) + 0.0
+        place = number * table.length / (size * abs(scale)) + 0.0
+        rows.append(SourceRow(place, added, added, value, value, line, line))
+    turn = TURN_DEGREES if is_turn(units, high - low, step) else None
+    rule = f"{RULES[sense]}; an entry / {PER_COUNT} / file_counts_per_unit"
+    return Decoded(
+        tuple(rows),
+        units,
+        context,
+        "1/16 count",
+        rule,
+        rule,
+        file_axis=motor,
+        decisions=(
+            f"sense {sense.value}: told",
+            f"{'the addressed motor' if motor is None else f'motor {motor}'}: its zero is that of the axis",
+            f"entries lie {step:.9g} {units.value} apart; below zero of the motor they count from the end",
+            *((f"other commands, no part of the table: {file.commands}",) if file.commands else ()),
+        ),
+        remarks=_remarks(file, table, used),
+        behaves_as=() if turn is None else (f"modulo = {turn:g}",),
+        modulo=turn,
+    )
+
+
+def _parse(source: SourceText) -> _File:
+    tables: list[_Table] = []
+    addressed: str | None = None
+    commands, off = 0, None
+    bare = ((line.number, _COMMENT.split(line.text, maxsplit=1)[0].strip()) for line in source.lines)
+    texts = ((number, text) for number, text in bare if text)
+    for number, text in texts:
+        head = _HEAD.fullmatch(text)
+        if head is not None:
+            addressed = head[1] or addressed
+            tables.append(_table(source, number, head[2], addressed, texts))
+        elif _NUMBER.match(text):
+            allowed = "as many entries as DEFINE COMP says, and only below it"
+            raise source.error(f"{shown(text)} outside of a table", allowed, line=number)
+        else:
+            commands += 1
+            addressed = next(reversed(_ADDRESSED.findall(text)), addressed)
+            for enabled in _ENABLED.findall(text):
+                off = None if to_integer(enabled) else number
+    if not tables:
+        raise source.error("no table", _ALLOWED)
+    return _File(tuple(tables), commands, off)
+
+
+def _table(
+    source: SourceText, line: int, head: str, addressed: str | None, texts: Iterator[tuple[int, str]]
+) -> _Table:
+    """Read what stands behind DEFINE COMP, and the entries from the lines below it."""
+    first, *between, last = [field.strip() for field in (head if "," in head else f"{head},").split(",")]
+    if "." in first:
+        raise source.error("a table in two dimensions", "tables of one motor", line=line)
+    size, length = to_integer(first), to_integer(last)
+    motors = [_MOTOR.fullmatch(name) for name in between]
+    names = [(motor[1], bool(motor[2])) for motor in motors if motor]
+    is_named = len(names) == len(motors) <= 2 and not any(is_desired for _, is_desired in names[1:])
+    if not is_named or size is None or length is None or size < 1 or length < 1:
+        raise source.error(shown(f"DEFINE COMP {head.strip()}"), _ALLOWED, line=line)
+    values: list[int] = []
+    lines: list[int] = []
+    while len(values) < size:
+        number, text = next(texts, (source.last_line, ""))
+        wanted = f"{size} whole numbers below line {line}, in 1/16 count, as DEFINE COMP says"
+        if not text:
+            raise source.error(f"{len(values)} entries", wanted, line=number)
+        entries = [to_integer(word) for word in text.split()]
+        if None in entries:
+            raise source.error(f"{shown(text)} after {len(values)} entries", wanted, line=number)
+        values += [entry or 0 for entry in entries]
+        lines += [number] * len(entries)
+    if len(values) > size:
+        raise source.error(f"{len(values)} entries", wanted, line=lines[-1])
+    source_motor, target = (*(motor for motor, _ in names), None, None)[:2]
+    return _Table(addressed, source_motor, target, length, line, tuple(values), tuple(lines))
+
+
+def _choose(source: SourceText, tables: Sequence[_Table], context: FileContext) -> tuple[_Table, str | None]:
+    """Return the table of the motor that is told, or the only one, and its motor where anything names it."""
+    told = context.file_axis.removeprefix("#") if context.file_axis else None
+    motors = [table.target or table.addressed or told for table in tables]
+    for table, motor in zip(tables, motors, strict=True):
+        if motor is None and (table.source is not None or len(tables) > 1):
+            number = table.source or "1"
+            raise source.error(
+                "a table for the motor that was addressed, which nothing in the file names",
+                f"'#{number}' on a line above it if it is motor {number}, or file_axis = '{number}'",
+                line=table.line,
+            )
+    names = listed(dict.fromkeys(motor for motor in motors if motor))
+    fitting = [index for index, motor in enumerate(motors) if told in (None, motor)]
+    if not fitting:
+        raise source.error(
+            f"tables of motor {names}, told file_axis {shown(told or '')}", f"file_axis = one of {names}"
+        )
+    if len(fitting) > 1:
+        first, second, *_ = fitting
+        is_same = motors[first] == motors[second]
+        raise source.error(
+            f"a second table of motor {motors[second]}" if is_same else f"tables of motor {names}",
+            "one of each motor"
+            if is_same
+            else f"file_axis = one of {names} (--file-axis on the command line)",
+            line=tables[second].line,
+        )
+    table, motor = tables[fitting[0]], motors[fitting[0]]
+    if (table.source or table.addressed or motor) != motor:
+        raise source.error(
+            f"a table that corrects motor {motor} by the position of motor {table.source or table.addressed}",
+            "a table of one motor; for the 'cross' key of the axis write this one as CSV: "
+            "position_mm,correction_mm",
+            line=table.line,
+        )
+    return table, motor
+
+
+def _steps(
+    source: SourceText, context: FileContext, table: _Table, step: float, units: Units
+) -> tuple[int, int]:
+    """Return the first and the last spacing, counted from the zero of the axis, that its travel needs."""
+    size = len(table.values)
+    if context.travel is None:
+        if is_turn(units, size, step):
+            return 0, size
+        raise source.error(
+            f"{_WHAT}, whose end holds what is needed below zero, and no travel",
+            "travel = [lowest, highest] of the axis (--travel LO HI on the command line): it says which "
+            f"entries lie below zero (only a table of {TURN_DEGREES:g} degrees needs none)",
+            line=table.line,
+        )
+    low, high = context.travel
+    if high - low > size * step * (1 + TOUCH):
+        unit = context.option_units(units).value
+        long, covered = context.as_told(high - low), context.as_told(size * step)
+        raise source.error(
+            f"a length of {table.length} counts, which is {covered:.9g} {unit}, for a travel of {long:.9g}: "
+            "the control would begin the table again",
+            "a table as long as the travel, and the right file_counts_per_unit and travel; a table that is "
+            "meant to repeat, as CSV over the whole travel",
+            line=table.line,
+        )
+    first = floor(low / step + TOUCH)
+    return first, max(ceil(high / step - TOUCH), first + 1)
+
+
+def _remarks(file: _File, table: _Table, used: AbstractSet[int]) -> tuple[Lint, ...]:
+    remarks = []
+    if file.off is not None:
+        message = (
+            "the file leaves compensation off (I51 = 0), so the control itself did not use this table: make "
+            "sure that it is the right one"
+        )
+        remarks.append(Lint("R11", Severity.WARNING, message, file.off))
+    left = [index + 1 for index, value in enumerate(table.values) if value and index not in used]
+    if left:
+        message = (
+            f"{len(left)} entries other than 0, from {left[0]} to {left[-1]}, lie where the travel never "
+            "gets: check the length of the table, file_counts_per_unit and travel"
+        )
+        remarks.append(Lint("R13", Severity.WARNING, message, table.line))
+    return tuple(remarks)
+
+
+def write(table: CorrectionTable, _: WriteOptions) -> Written:
+    """Refuse: reading is all that is offered.
+
+    Raises:
+        TabFileError: always.
+    """
+    raise unwritable(
+        NAME,
+        f"a table of {len(table.positions)} points to be written",
+        "another format (csv holds everything): PMAC tables are only read",
+    )
