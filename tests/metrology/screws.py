@@ -41,6 +41,8 @@ FACTOR: Final = 1.5
 """Within which a prediction has to lie of the truth."""
 WITHIN_UM: Final = 0.2
 """Below this a difference of truth and prediction is nothing: no instrument shows it."""
+NOTHING_UM: Final = 0.005
+"""What is shown as 0.00: no ratio of two such lengths means anything."""
 WORSE: Final = 1.1
 """By so much more than the best of them the default may leave."""
 
@@ -346,9 +348,11 @@ def row(found: Sequence[Case]) -> str:
         _share(found, lambda each: each.is_within),
         _share(found, lambda each: each.is_good),
     )
+    best = fmean(each.best for each in found)
+    ratio = "–" if max(true, best) < NOTHING_UM else f"{true / best:.2f}"
     return (
         f"| {one.kind.name} | {one.targets} | {one.noise_um:g} | {' | '.join(shapes)} | {true:.2f} | "
-        f"{true / max(fmean(each.best for each in found), 1e-9):.2f} | {promised} | {bounds} | "
+        f"{ratio} | {promised} | {bounds} | "
         f"{' | '.join(counts)} |"
     )
 
