@@ -314,7 +314,8 @@ class LineExchange(CuttingLine):
                 transaction.hold_up()
             is_behind = self._waiting.has(port)
             self._waiting.add(transaction)
-            if not is_behind:  # else nothing has changed for those before it
+            # Else nothing has changed for those before it. A stop that waits for a silence is before nobody.
+            if not is_behind or self._waiting.has_stops:
                 self._next(now_ns)
 
     def _deny(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:

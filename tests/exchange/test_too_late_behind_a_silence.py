@@ -73,6 +73,24 @@ def test_w6_nor_with_shorter_and_longer_silences(*, serial: bool, drain_ms: floa
     assert "drive-backed-off" in bench.kinds()
 
 
+@pytest.mark.parametrize("serial", [False, True])
+def test_w6_a_stop_that_goes_once_more_behind_the_silence_keeps_no_read_of_its_controller_waiting(
+    *, serial: bool
+) -> None:
+    """The stop left early and was not answered. Its controller reads unit 1: that owes nothing to anybody."""
+    bench = silent(axis_plan(name="y", unit_id=2, motion=MOTION), serial=serial)
+    bench.send(STOP, unit_id=2)
+    assert bench.link.sent.pop() == (2, STOP)
+    bench.wait(100)
+    bench.send(OTHER, unit_id=1, transaction_id=8)
+    assert bench.link.sent == [(1, OTHER)]
+    bench.line.reply(1, ANSWER, bench.now_ns)
+    assert bench.port.take() == ANSWER
+    bench.link.sent.clear()
+    bench.wait(80)
+    assert bench.link.sent == [(2, STOP)]  # once more, behind the silence
+
+
 # --- what is answered --------------------------------------------------------------------------------------
 
 

@@ -408,11 +408,16 @@ class Ledger:
 
     @staticmethod
     def _is_same_stop(frame: Frame, answered: Frame | None) -> bool:
-        """Whether a reply is that to the same stop of before, and nothing was written to the drive since."""
+        """Whether a reply is that to the same stop of before, and nothing was written to the drive since.
+
+        One of both left early: that one may still be answered when it goes once more (W6).
+        """
         before = frame.written_before
         while before is not None and before is not answered and before.pdu == frame.pdu:
             before = before.written_before
-        return frame.is_early and before is not None and before is answered and before.pdu == frame.pdu
+        if before is None or before is not answered or before.pdu != frame.pdu:
+            return False
+        return frame.is_early or before.is_early
 
     def delivered(self) -> None:
         """The gateway has dealt with a reply."""
