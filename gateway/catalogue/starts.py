@@ -77,7 +77,9 @@ STARTS: Final = (
         "somebody put another state folder in the place of the one in use (told while it runs)",
         "put the first one back, or start the gateway anew",
     ),
-    StartEntry("every user may write to …", "the mode of the state folder", "take the right away: chmod o-w"),
+    StartEntry(
+        "every user may write to …", "the mode of the state folder", "take the right away: `chmod o-w FOLDER`"
+    ),
     StartEntry(
         "… belongs to user …",
         "the owner of the state folder; or root ran what the user of the service should run",
