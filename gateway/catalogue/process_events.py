@@ -119,7 +119,7 @@ RECORDING_ENDED: Final = EventEntry(
     Severity.ERROR,
     "the recording ended before the gateway did; what was written can be replayed",
     "the disk is full or too slow, or `--max-mb` was reached",
-    "make room, or record onto another disk",
+    "make room, record onto another disk, or give `record` a greater `--max-mb`",
 )
 CAPTURED: Final = EventEntry(
     "captured",
