@@ -118,7 +118,7 @@ REFUSED_VALUE: Final = EventEntry(
     "a request was answered with an exception by the gateway itself, and did not reach the drive",
     "a position beyond `travel`, the register or the table, a part of a position whose rest is not known, or "
     "a write around the correction; the detail says which",
-    "look under the exception that the controller got; the refusals are listed there",
+    "give the sentence of `detail` to `pitch-gateway explain`, in quotes: it says what to do",
 )
 AXIS_BLOCKED: Final = EventEntry(
     "axis-blocked",

@@ -69,7 +69,11 @@ STARTS: Final = (
         "the compiled configuration was written by a release from before 0.1",
         f"{_COMPILE}",
     ),
-    StartEntry("… has … bytes, and the path of a socket", "a deep state folder", "choose a shorter path"),
+    StartEntry(
+        "… has … bytes, and the path of a socket",
+        "a deep state folder",
+        "choose a shorter one with `[gateway] state`",
+    ),
     StartEntry("… is a link to …", "the state folder is a link that leads nowhere", _ANOTHER_FOLDER),
     StartEntry("… is …, and no folder", "a file is in place of the state folder", _ANOTHER_FOLDER),
     StartEntry(
