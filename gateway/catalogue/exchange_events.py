@@ -49,7 +49,7 @@ UNKNOWN_UNIT: Final = EventEntry(
     "a controller talks to a unit id of a Modbus/TCP line that has no axis: what it says passes as it is, "
     "but for writes that a drive which does not look at unit ids would take for its own (0x0A); told once",
     "another device behind the same connection, or a wrong `unit_id` in the configuration or the controller",
-    "name the device in `other_units`, or mend the `unit_id`",
+    "name the device in `other_units`, or mend the `unit_id`; then start the gateway again",
 )
 DRIVE_BACKED_OFF: Final = EventEntry(
     "drive-backed-off",
@@ -69,7 +69,7 @@ CUT_THROUGH_OFF: Final = EventEntry(
     "front of a fast one, or a machine that is busy with other things",
     "let the gateway set the latency timer (`low_latency`, see "
     "[latency settings](#what-a-serial-port-adds-latency-settings)), give the relay `fifo`, or leave "
-    "`cut_through` out; `pitch-gateway budget` shows what the wires alone would allow",
+    "`cut_through` out; `pitch-gateway budget CONFIG` shows what the wires alone would allow",
 )
 DRIVE_ANSWERS: Final = EventEntry(
     "drive-answers",
@@ -118,7 +118,7 @@ REFUSED_VALUE: Final = EventEntry(
     "a request was answered with an exception by the gateway itself, and did not reach the drive",
     "a position beyond `travel`, the register or the table, a part of a position whose rest is not known, or "
     "a write around the correction; the detail says which",
-    "look under the exception that the controller got; the refusals are listed there",
+    "give the sentence of `detail` to `pitch-gateway explain`, in quotes: it says what to do",
 )
 AXIS_BLOCKED: Final = EventEntry(
     "axis-blocked",

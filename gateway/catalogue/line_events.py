@@ -11,7 +11,8 @@ DRIVES_NOT_REACHED: Final = EventEntry(
     "tried again until it works",
     "an adapter that is not plugged in, a drive or device server that is off, a wrong path or address, a "
     "network that is down",
-    "do what the detail says; nothing has to be started again",
+    "check adapter, power, cable and network: nothing has to be started again; where path or address are "
+    "wrong, mend `drives` and start the gateway again",
 )
 PORT_NOT_OPEN: Final = EventEntry(
     "port-not-open",
@@ -34,7 +35,8 @@ WRONG_UNIT: Final = EventEntry(
     "a Modbus/TCP drive answered with another unit id than was asked: with one drive on the line the reply "
     "counts by its transaction id, with several it is no answer; told once for each two unit ids",
     "a drive or converter that answers with 0, 1 or 255 whatever it is asked, or two drives with one address",
-    "where the one drive of the line answers so, set `answers_as`; else look at the unit ids of the drives",
+    "where the one drive of the line answers so, set `answers_as` and start the gateway again; else look at "
+    "the unit ids of the drives",
 )
 ADAPTER_ECHOES: Final = EventEntry(
     "adapter-echoes",
@@ -45,7 +47,7 @@ ADAPTER_ECHOES: Final = EventEntry(
     "Of a controller: a reply came back at once, byte for byte, and is taken out from then on; told once",
     "an RS-485 adapter whose receiver stays on while it sends, or a device server with an echo",
     'set `echo = true` beside `rtu`, as in `drives = { rtu = "/dev/serial/by-id/…", echo = true }`, or in '
-    "the table of the controller; switch the echo of a device server off",
+    "the table of the controller, and start the gateway again; or switch the echo of a device server off",
 )
 OTHER_TRANSACTION_ID: Final = EventEntry(
     "other-transaction-id",
@@ -54,7 +56,7 @@ OTHER_TRANSACTION_ID: Final = EventEntry(
     "what such a reply answers, so it answers nothing; told once for each unit id",
     "a server or converter that answers with transaction id 0, or a fixed one, whatever it is asked",
     "bring its firmware up to date, or put a converter in its place that returns the transaction id; where "
-    "it speaks RTU over TCP, use `rtu_over_tcp`",
+    "it speaks RTU over TCP, set `rtu_over_tcp` instead of `tcp` and start the gateway again",
 )
 LINE_RESTS: Final = EventEntry(
     "line-rests",

@@ -148,8 +148,13 @@ def _sentences() -> Iterator[Explanation]:
 
 
 def _made(kind: str, name: str, *texts: str) -> Explanation:
-    severity, meaning, cause, remedy = map(plain, texts)
+    severity, meaning, cause, remedy = (plain(_with_page(text)) for text in texts)
     return Explanation(kind, name, severity, meaning, cause, remedy)
+
+
+def _with_page(text: str) -> str:
+    """Name the page of a heading that a text links to: in the document it stands on the same one."""
+    return re.sub(r"(\]\(#[^)]+\))", r"\1 in docs/operations.md", text)
 
 
 def _fits(text: str, says: str) -> bool:

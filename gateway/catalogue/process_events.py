@@ -119,7 +119,7 @@ RECORDING_ENDED: Final = EventEntry(
     Severity.ERROR,
     "the recording ended before the gateway did; what was written can be replayed",
     "the disk is full or too slow, or `--max-mb` was reached",
-    "make room, or record onto another disk",
+    "make room, record onto another disk, or give `record` a greater `--max-mb`",
 )
 CAPTURED: Final = EventEntry(
     "captured",
@@ -133,7 +133,7 @@ CAPTURE_FAILED: Final = EventEntry(
     Severity.WARNING,
     "the frames before and after the event `on` could not be written",
     "no room in the folder of the state, the relay is away, or it was started with `size_mb = 0`",
-    "do what the detail says; `pitch-gateway capture` takes what is still there",
+    "do what the detail says; `pitch-gateway capture CONFIG FILE` takes what is still there",
 )
 SUPERVISING: Final = EventEntry(
     "supervising", Severity.INFO, "the supervisor begins, with the configuration that it follows", "a start"

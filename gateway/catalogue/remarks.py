@@ -18,8 +18,8 @@ REMARKS: Final = (
         "warning",
         "forward - backward is negative at most points, and on average; lost motion makes it positive: "
         "columns swapped?",
-        "compare with the file of the instrument: which column is forward? `pitch-gateway signtest` "
-        "proves it at the machine",
+        "compare with the file of the instrument: which column is forward? "
+        "`pitch-gateway signtest CONFIG --axis AXIS` proves it at the machine",
     ),
     RemarkEntry(
         "L3",
@@ -41,7 +41,7 @@ REMARKS: Final = (
         "warning",
         "not 0 at home: first forward value if the table begins there, last backward if it ends there, "
         "else forward at 0",
-        "measure or enter 0 at home; `table build --home` makes it 0 there",
+        "measure or enter 0 at home; `--home` of `table build` makes it 0 there",
     ),
     RemarkEntry(
         "L6",
@@ -119,7 +119,7 @@ REMARKS: Final = (
         "R2",
         "warning",
         "the start was inferred from travel on both sides of 0",
-        "check the positions with `table show`, and name the start with `file_start`",
+        "check the positions with `pitch-gateway table show FILE`, and name the start with `file_start`",
     ),
     RemarkEntry(
         "R3",
@@ -150,7 +150,8 @@ REMARKS: Final = (
         "R9",
         "refused",
         "Mint's offset of the screw has two readings, and `file_start` does not say which",
-        "tell with `file_start` where mark A lies; `signtest` proves it at the machine",
+        "tell with `file_start` where mark A lies; `pitch-gateway signtest CONFIG --axis AXIS` proves it at "
+        "the machine",
     ),
     RemarkEntry(
         "R10",

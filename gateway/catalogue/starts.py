@@ -69,7 +69,11 @@ STARTS: Final = (
         "the compiled configuration was written by a release from before 0.1",
         f"{_COMPILE}",
     ),
-    StartEntry("… has … bytes, and the path of a socket", "a deep state folder", "choose a shorter path"),
+    StartEntry(
+        "… has … bytes, and the path of a socket",
+        "a deep state folder",
+        "choose a shorter one with `[gateway] state`",
+    ),
     StartEntry("… is a link to …", "the state folder is a link that leads nowhere", _ANOTHER_FOLDER),
     StartEntry("… is …, and no folder", "a file is in place of the state folder", _ANOTHER_FOLDER),
     StartEntry(
@@ -77,7 +81,9 @@ STARTS: Final = (
         "somebody put another state folder in the place of the one in use (told while it runs)",
         "put the first one back, or start the gateway anew",
     ),
-    StartEntry("every user may write to …", "the mode of the state folder", "take the right away: chmod o-w"),
+    StartEntry(
+        "every user may write to …", "the mode of the state folder", "take the right away: `chmod o-w FOLDER`"
+    ),
     StartEntry(
         "… belongs to user …",
         "the owner of the state folder; or root ran what the user of the service should run",

@@ -43,8 +43,9 @@ COMPENSATION: Final = (
     StateEntry(
         "off",
         "the compensation is switched off: positions pass 1:1",
-        "switch it on with `pitch-gateway enable CONFIG AXIS`; after `compensation-ended` start the "
-        "gateway again",
+        "switch it on with `pitch-gateway enable CONFIG AXIS`; where the configuration says "
+        '`compensation = "off"`, write `compensation = "on"` too, or the next start switches it off again; '
+        "after `compensation-ended` start the gateway again",
     ),
     StateEntry(
         "shadow",

@@ -68,7 +68,7 @@ WATCHING_BY_LOOKS: Final = EventEntry(
     Severity.WARNING,
     "the system does not tell of changes in the tables folder: it is looked at every second",
     "a network file system, or too many inotify watches",
-    "raise `fs.inotify.max_user_watches` on a local disk; on a network nothing has to be done",
+    "on a local disk raise `fs.inotify.max_user_watches` with `sysctl`; on a network nothing has to be done",
 )
 STATE_FOLDER_UNUSABLE: Final = EventEntry(
     "state-folder-unusable",

@@ -10,7 +10,7 @@ CERTIFICATE_REFUSED: Final = EventEntry(
     "a controller was not let in for its certificate; told once a minute for each host and reason",
     "no certificate, one that has expired, was revoked or is of another authority, or one without a role of "
     "`roles`",
-    "look at it with `pitch-gateway certificate show`; make a new one, or add its role to `roles`",
+    "look at it with `pitch-gateway certificate show FILE`; make a new one, or add its role to `roles`",
 )
 HANDSHAKE_FAILED: Final = EventEntry(
     "handshake-failed",
@@ -46,5 +46,5 @@ CERTIFICATES_NOT_RENEWED: Final = EventEntry(
     Severity.WARNING,
     "the files of `tls` had changed and cannot be used: those of before stay in force",
     "a certificate and the key of another, a file that was cut short, or a key that every user may read",
-    "run `pitch-gateway check` with the configuration, and put good files there",
+    "run `pitch-gateway check CONFIG`, and put good files there",
 )

@@ -46,8 +46,8 @@ ADAPTER_ECHOES: Final = TroubleEntry(
     "so: of drives the return of a write is taken for its acknowledgement; of a controller what returns is "
     "taken out once it was seen",
     "an RS-485 adapter whose receiver stays on while it sends, or a device server with an echo",
-    "set `echo = true` for the drives, or for the controller that is named; switch the echo of a device "
-    "server off",
+    "set `echo = true` for the drives, or for the controller that is named, and start the gateway again; or "
+    "switch the echo of a device server off",
 )
 DRIVE_MALFORMED: Final = TroubleEntry(
     "drive-malformed",
@@ -55,8 +55,8 @@ DRIVE_MALFORMED: Final = TroubleEntry(
     "the drives of a line answer with headers whose length cannot be: nobody knows where the next frame "
     "begins, so the connection is closed each time",
     "a device that does not speak Modbus/TCP, speaks RTU over TCP, or writes a wrong length into its header",
-    "set `rtu_over_tcp` instead of `tcp` where the device sends RTU frames; else give the bytes of the event "
-    "`line-down` to its maker",
+    "set `rtu_over_tcp` instead of `tcp` where the device sends RTU frames, and start the gateway again; "
+    "else give the bytes of the event `line-down` to its maker",
     title="Drive not understood",
 )
 DRIVE_GARBLED: Final = TroubleEntry(
@@ -66,7 +66,7 @@ DRIVE_GARBLED: Final = TroubleEntry(
     "another baud rate or parity than the drive has, A and B exchanged, no termination, two drives with one "
     "unit id",
     "compare baud rate and parity with those of the drive, then exchange A and B, then look at termination "
-    "and unit ids; pitch-gateway capture --follow shows the bytes that come",
+    "and unit ids; with the gateway stopped `pitch-gateway probe CONFIG` shows the bytes that come",
     title="Drive not understood",
     cuts_off=True,
 )
@@ -76,7 +76,7 @@ OTHER_ID: Final = TroubleEntry(
     "a Modbus/TCP drive answers with another transaction id than it was asked with: no reply of it counts",
     "a server or converter that answers with transaction id 0, or a fixed one, whatever it is asked",
     "bring its firmware up to date, or put a converter in its place that returns the transaction id; where "
-    "it speaks RTU over TCP, use `rtu_over_tcp`",
+    "it speaks RTU over TCP, set `rtu_over_tcp` instead of `tcp` and start the gateway again",
     title="Wrong transaction id",
     cuts_off=True,
 )
@@ -85,8 +85,9 @@ DRIVE_SILENT: Final = TroubleEntry(
     Severity.ERROR,
     "the drive of an axis does not answer",
     "power, cable, or a drive that hangs; where it has never answered also unit id, baud rate and parity",
-    "check power, cable, unit id, baud rate and parity; pitch-gateway capture --follow shows what is asked "
-    "and what comes. To look for its unit id, stop the gateway, then pitch-gateway probe --scan",
+    "check power, cable, unit id, baud rate and parity; `pitch-gateway capture CONFIG --follow` shows what "
+    "is asked and what comes. To look for its unit id, stop the gateway, then "
+    "`pitch-gateway probe CONFIG --scan`",
     title="Drive silent",
     cuts_off=True,
 )
@@ -95,8 +96,8 @@ PORT_CLOSED: Final = TroubleEntry(
     Severity.ERROR,
     "the serial port of a controller cannot be opened: nothing that it sends is heard",
     "the adapter was unplugged, another program has the port, or the name in the configuration is wrong",
-    "plug the adapter in, end the other program, or mend `rtu` of the controller; the port is tried again by "
-    "itself",
+    "plug the adapter in, or end the other program: the port is tried again by itself; where its name is "
+    "wrong, mend `rtu` of the controller and start the gateway again",
     title="No controller",
     cuts_off=True,
 )
@@ -116,7 +117,7 @@ CONTROLLER_ABSENT: Final = TroubleEntry(
     "no controller is connected: the axes get no commands",
     "the controller is off, its cable is out, or it connects to another address or port",
     "switch the controller on and check its cable and the address it connects to; where it may stay away for "
-    "long, say so with `silent_after_s` of the controller",
+    "long, set `silent_after_s` of the controller, then `pitch-gateway reload CONFIG`",
     title="No controller",
 )
 CONTROLLER_SILENT: Final = TroubleEntry(
@@ -124,8 +125,8 @@ CONTROLLER_SILENT: Final = TroubleEntry(
     Severity.WARNING,
     "a controller is connected and sends no requests: the axes get no commands",
     "its program does not run, it is off, or its cable to the serial port is out",
-    "look at the controller and its program, then at the cable; where it may be silent for long, say so with "
-    "`silent_after_s` of the controller",
+    "look at the controller and its program, then at the cable; where it may be silent for long, set "
+    "`silent_after_s` of the controller, then `pitch-gateway reload CONFIG`",
     title="Controller silent",
 )
 CONTROLLER_DAMAGED: Final = TroubleEntry(
@@ -147,7 +148,8 @@ TWO_WRITERS: Final = TroubleEntry(
     Severity.ERROR,
     "two motion controllers want to move the same axis",
     "a second program, panel or PLC that moves the axis, or the same controller with two addresses",
-    "have one of them only move the axis, or give the other the role operator or monitor",
+    "have one of them only move the axis; or give the other the `role` operator or monitor, and start the "
+    "gateway again",
     title="Two controllers",
 )
 UNIT_SILENT: Final = TroubleEntry(
@@ -163,7 +165,8 @@ UNHEARD_CONTROLLER: Final = TroubleEntry(
     Severity.WARNING,
     "a motion controller talks only to unit ids that have no axis: nothing that it moves is corrected",
     "a wrong unit id in the controller or in the configuration, or a controller of another line",
-    "set `unit_id` of the axis to what the controller talks to, or name the other device in `other_units`",
+    "set `unit_id` of the axis to what the controller talks to, or name the other device in `other_units`; "
+    "then start the gateway again",
 )
 WRONG_UNIT_ID: Final = TroubleEntry(
     "wrong-unit-id",
@@ -171,21 +174,23 @@ WRONG_UNIT_ID: Final = TroubleEntry(
     "controllers talk to a unit id that has no axis, while an axis of the line hears nothing: what they move "
     "is not corrected",
     "another unit id in the controller or the drive than in the configuration",
-    "set `unit_id` of the axis to what the controller talks to, or name the other device in `other_units`",
+    "set `unit_id` of the axis to what the controller talks to, or name the other device in `other_units`; "
+    "then start the gateway again",
 )
 UNKNOWN_UNIT: Final = TroubleEntry(
     "unknown-unit",
     Severity.WARNING,
     "controllers talk to a unit id of a Modbus/TCP line that has no axis and is not named",
     "another device behind the same connection, or a wrong unit id",
-    "name the device in `other_units`, or mend the `unit_id`",
+    "name the device in `other_units`, or mend the `unit_id`; then start the gateway again",
 )
 ANSWERS_AS: Final = TroubleEntry(
     "answers-as-another",
     Severity.WARNING,
     "a Modbus/TCP drive answers with another unit id than it is asked for",
     "a drive that answers so whatever it is asked, or two drives with one address",
-    "where the one drive of the line answers so, set `answers_as`; else look at the unit ids of the drives",
+    "where the one drive of the line answers so, set `answers_as` and start the gateway again; else look at "
+    "the unit ids of the drives",
 )
 BLOCKED: Final = TroubleEntry(
     "blocked",
@@ -222,23 +227,24 @@ OFF: Final = TroubleEntry(
     Severity.WARNING,
     "the compensation is off: positions pass uncorrected",
     'somebody switched it off, `compensation = "off"`, or a register that moves others about was written',
-    "switch it on with pitch-gateway enable; after `compensation-ended` start the gateway again",
+    "switch it on with `pitch-gateway enable CONFIG AXIS`; where the configuration says "
+    '`compensation = "off"`, write `compensation = "on"` too, or the next start switches it off again; after '
+    "`compensation-ended` start the gateway again",
 )
 SHADOW: Final = TroubleEntry(
     "shadow",
     Severity.WARNING,
     "shadow mode: corrections are shown and not applied",
     '`compensation = "shadow"`',
-    'to apply them set compensation = "on" in the configuration, then pitch-gateway reload while the axis '
-    "stands",
+    'to apply them set `compensation = "on"`, then `pitch-gateway reload CONFIG` while the axis stands',
 )
 NO_TABLE: Final = TroubleEntry(
     "no-table",
     Severity.WARNING,
     "there is no table: positions pass uncorrected",
     "the axis names no table, as before it is measured, or its file was never good",
-    "measure the axis and name its file with `table`; where it is to stay uncorrected, set "
-    '`compensation = "off"`',
+    "measure the axis and name its file with `table`, then `pitch-gateway reload CONFIG`; where it is to "
+    'stay uncorrected, set `compensation = "off"` and start the gateway again',
 )
 OUTSIDE: Final = TroubleEntry(
     "outside",
@@ -260,14 +266,14 @@ TABLE_REMOVED: Final = TroubleEntry(
     Severity.WARNING,
     "a table file is not there: positions pass uncorrected",
     "the file was renamed or taken away",
-    "put the file back, or take it out of the configuration, then pitch-gateway reload",
+    "put the file back, or take it out of the configuration, then `pitch-gateway reload CONFIG`",
 )
 OVER_BUDGET: Final = TroubleEntry(
     "over-budget",
     Severity.WARNING,
     "the gateway takes longer than `budget_us` for the exchanges of an axis",
     "the machine is busy with something else",
-    "look at the load of the machine; pitch-gateway budget shows what the line can hold",
+    "look at the load of the machine; `pitch-gateway budget CONFIG` shows what the line can hold",
 )
 SENSOR_SILENT: Final = TroubleEntry(
     "sensor-silent",
@@ -296,14 +302,16 @@ SUPERVISOR_DOWN: Final = TroubleEntry(
     Severity.WARNING,
     "the supervisor does not answer: tables are not watched, and page and MQTT say nothing",
     "it was not started, ended, or cannot start: a mistake in the configuration, a full disk",
-    "look at its log, then start it; the relay goes on with what it has",
+    "look at its log; start it with `systemctl start pitch-gateway-supervisor`, which `run` does by itself; "
+    "the relay goes on with what it has",
 )
 CONFIGURATION: Final = TroubleEntry(
     "configuration",
     Severity.WARNING,
     "the configuration in its file could not be taken: the one before it is in force",
     "a mistake in it, or a key that needs a restart",
-    "where it asks for a restart, start the gateway again; else pitch-gateway check names what to mend",
+    "where it asks for a restart, start the gateway again; else mend what `pitch-gateway check CONFIG` "
+    "names, then `pitch-gateway reload CONFIG`",
 )
 TABLES_FOLDER: Final = TroubleEntry(
     "tables_folder",
@@ -324,14 +332,15 @@ HTTP: Final = TroubleEntry(
     Severity.WARNING,
     "the page cannot be served",
     "the port is taken, the address is none of this machine, or a certificate, key or token cannot be used",
-    "mend [http] or what it names, then pitch-gateway reload",
+    "mend `[http]` or what it names, then `pitch-gateway reload CONFIG`",
 )
 MQTT: Final = TroubleEntry(
     "mqtt",
     Severity.WARNING,
     "the broker cannot be reached, or refuses something",
     "the broker is off, or refuses user, certificate or topic",
-    "check the broker and [mqtt]; the gateway tries again by itself",
+    "check the broker, which is tried again by itself; where `[mqtt]` is wrong, mend it, then "
+    "`pitch-gateway reload CONFIG`",
 )
 
 TROUBLES: Final[Mapping[str, TroubleEntry]] = {

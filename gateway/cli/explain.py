@@ -64,6 +64,9 @@ def explain(
     sentence in the log; why a relay does not start; the remarks about tables (L8, R2); and every key of the
     configuration. docs/operations.md, docs/tab-format.md and docs/configuration.md have the same.
 
+    A remedy that names a key means the configuration: change it there, then `pitch-gateway reload CONFIG`.
+    That takes the change, or says that the gateway has to be started again.
+
     Exit code 1 when nothing is called so.
 
     Examples:
