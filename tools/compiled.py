@@ -27,11 +27,13 @@ COMPILERS = ("mypy", "setuptools")
 COME_WITH_THEM = frozenset({"mypy_extensions"})
 """Packages that are there wherever the compilers are."""
 PATTERNS = (
+    "backoff.py",
     "clock.py",
     "compensation/*.py",
     "exchange/*.py",
     "exchange/axis/*.py",
     "ipc/tape.py",
+    "limits.py",
     "modbus/*.py",
     "relay/axis_record.py",
     "relay/controller_port.py",

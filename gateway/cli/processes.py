@@ -14,6 +14,7 @@ from typing import Any, Final, NoReturn
 import typer
 
 import gateway
+from gateway.backoff import Backoff
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.process_events import RELAY_ENDED, SUPERVISOR_ENDED, SUPERVISOR_STARTED
 from gateway.ipc.children import HELD_BACK, READY, RELOADS
@@ -110,7 +111,7 @@ class _Pair:
         self._supervisor: subprocess.Popen[bytes] | None = None
         self._is_relay_ready = False
         self._supervisor_since_s = time.monotonic()
-        self._wait_s = FIRST_WAIT_S
+        self._backoff = Backoff(FIRST_WAIT_S, LONGEST_WAIT_S)
         self._is_stopping = False
 
     def run(self) -> int:
@@ -131,22 +132,22 @@ class _Pair:
     def _longest_wait_s(self) -> float:
         if self._supervisor is not None or not self._is_relay_ready:
             return LONGEST_WAIT_S  # or until a signal comes, as with the end of a child
-        return max(0.0, self._supervisor_since_s + self._wait_s - time.monotonic())
+        return max(0.0, self._supervisor_since_s + self._backoff.pause_s - time.monotonic())
 
     def _look_after_supervisor(self) -> None:
         now_s = time.monotonic()
         if self._supervisor is None:
-            if now_s >= self._supervisor_since_s + self._wait_s:
-                self._wait_s = min(2.0 * self._wait_s, LONGEST_WAIT_S)
+            if now_s >= self._supervisor_since_s + self._backoff.pause_s:
+                self._backoff.next_s()
                 self._start_supervisor()
                 self._say(SUPERVISOR_STARTED)
         elif self._supervisor.poll() is not None:
             if now_s - self._supervisor_since_s > LONG_LIFE_S:
-                self._wait_s = FIRST_WAIT_S
+                self._backoff.reset()
             status = _status(self._supervisor.returncode)
             self._supervisor = None
             self._supervisor_since_s = now_s
-            detail = f"the relay goes on; it is started again in {self._wait_s:g} s"
+            detail = f"the relay goes on; it is started again in {self._backoff.pause_s:g} s"
             self._say(SUPERVISOR_ENDED, status=status, detail=detail)
 
     def _start_supervisor(self) -> None:

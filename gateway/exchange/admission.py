@@ -14,8 +14,8 @@ from gateway.exchange.plan import ControllerPlan, Role
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.queue import WAITING_BYTES
 from gateway.exchange.rights import UNLIMITED
-from gateway.exchange.throttle import Throttle, times
 from gateway.exchange.transaction import Answer, Endings, Transaction
+from gateway.limits import Reports, times
 from gateway.modbus.pdu import ExceptionCode
 
 NO_ROOM: Final = Denial(
@@ -59,7 +59,7 @@ class Admission:
         self._ownership = ownership
         self._on_event = on_event
         self._gates: dict[ControllerPlan, Gate] = {}
-        self._told = Throttle()
+        self._told: Reports[tuple[str, str]] = Reports()
 
     def denial(self, transaction: Transaction, now_ns: int) -> Denial | None:
         """Return why the rights of its controller do not allow a request that comes now; None: they do."""

@@ -15,6 +15,7 @@ from gateway.exchange.access import (
     only_reads,
 )
 from gateway.exchange.rights import UNLIMITED, RegisterSpan, Rights
+from gateway.limits import TokenBucket
 from gateway.modbus.pdu import (
     BROADCAST_UNIT_ID,
     MEI_CANOPEN_GENERAL_REFERENCE,
@@ -64,8 +65,9 @@ class Gate:
         self._axis_unit_ids = axis_unit_ids
         self._verdicts: dict[int, dict[bytes, tuple[int, Denial | None]]] = {}
         self._verdicts_left = REMEMBERED
-        self._interval_ns = int(NS_PER_S / rights.requests_per_s) if rights.requests_per_s else 0
-        self._due_ns = 0
+        self._rate: TokenBucket | None = None
+        if rights.requests_per_s:
+            self._rate = TokenBucket(int(NS_PER_S / rights.requests_per_s), BURST_NS)
 
     def denial(self, unit_id: int, pdu: bytes, *, is_odd: bool = False) -> Denial | None:
         """Return why a request is not allowed; None: it is.
@@ -83,13 +85,7 @@ class Gate:
 
     def is_too_often(self, now_ns: int) -> bool:
         """Count a request; return whether it is one more than ``requests_per_s`` allows."""
-        if not self._interval_ns:
-            return False
-        due_ns = max(self._due_ns, now_ns - BURST_NS)
-        if due_ns > now_ns:
-            return True
-        self._due_ns = due_ns + self._interval_ns
-        return False
+        return self._rate is not None and not self._rate.takes(now_ns)
 
     @property
     def too_often(self) -> Denial:

@@ -13,13 +13,14 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import Final
 
+from gateway.backoff import Backoff
 from gateway.times import NS_PER_MS, NS_PER_S
 
 FEWEST_TIMEOUTS: Final = 3
 FEWEST_TIMES: Final = 3
 """So many ``response_timeout_ms``."""
-FIRST_PAUSE_NS: Final = NS_PER_S
-LONGEST_PAUSE_NS: Final = 60 * NS_PER_S
+FIRST_PAUSE_S: Final = 1.0
+LONGEST_PAUSE_S: Final = 60.0
 """From one renewal to the next, twice as long each time until a byte comes."""
 
 
@@ -52,7 +53,7 @@ class Renewal:
         """Unit ids that were asked to find out, once each."""
         self._open_writes: set[int] = set()
         """Unit ids that left more than a read unanswered, and have answered nothing that was asked later."""
-        self._pause_ns = FIRST_PAUSE_NS
+        self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
         self._not_before_ns = 0
         self.held = Held.NOTHING
         self.held_until_ns = 0
@@ -72,7 +73,7 @@ class Renewal:
         self.timeouts = 0
         self._silent.clear()
         self._asked.clear()
-        self._pause_ns = FIRST_PAUSE_NS
+        self._backoff.reset()
 
     def hear_answer(self, unit_id: int) -> None:
         """A unit id answers what it was asked: whatever it was sent before is done, or never will be."""
@@ -121,8 +122,7 @@ class Renewal:
         """The connection is broken off."""
         if self.may_have_written:
             self.held = Held.ALL
-        self._not_before_ns = now_ns + self._pause_ns
-        self._pause_ns = min(2 * self._pause_ns, LONGEST_PAUSE_NS)
+        self._not_before_ns = now_ns + int(self._backoff.next_s() * NS_PER_S)
         self.begin()
 
     def begin(self) -> None:

@@ -5,12 +5,12 @@ has taken a part of, one note that a snapshot is due (it is made when it can be 
 """
 
 import asyncio
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import msgspec
 
+from gateway.broadcast import NewestQueue
 from gateway.ipc.messages import DEFAULT_INTERVAL_S, Happened, Snapshot, encode
 from gateway.ipc.outbox import Outbox
 
@@ -26,9 +26,9 @@ class Listener:
         self._outbox = outbox
         self._interval_s = interval_s
         self._status = status
-        self._events: deque[Happened] = deque()
+        self._events: NewestQueue[Happened] = NewestQueue(EVENTS_KEPT)
         self._is_snapshot_due = True
-        self._dropped = 0
+        self._snapshots_dropped = 0
         self._loop = asyncio.get_running_loop()
         self._since_s = self._loop.time()
         """When a snapshot became due last."""
@@ -39,10 +39,7 @@ class Listener:
 
     def tell(self, happened: Happened) -> None:
         """Take an event; :meth:`pump` sends it."""
-        if len(self._events) >= EVENTS_KEPT:
-            self._events.popleft()
-            self._dropped += 1
-        self._events.append(happened)
+        self._events.put(happened)
         soon_s = self._since_s + DEFAULT_INTERVAL_S
         if not self._is_snapshot_due and soon_s < self._next_s:  # what has changed shows in a snapshot, soon
             self._be_due(soon_s)
@@ -55,11 +52,11 @@ class Listener:
     def pump(self) -> None:
         """Send what can be sent now. Events are older than a snapshot that has not been made yet."""
         for _ in range(SENT_A_TURN):
-            if self._outbox.waiting_bytes or not (self._events or self._is_snapshot_due):
+            if self._outbox.waiting_bytes or not (self._events.items or self._is_snapshot_due):
                 return
-            dropped, self._dropped = self._dropped, 0
-            if self._events:
-                happened = self._events.popleft()
+            dropped, self._snapshots_dropped = self._events.take_dropped() + self._snapshots_dropped, 0
+            if self._events.items:
+                happened = self._events.items.popleft()
                 self._outbox.write(encode(msgspec.structs.replace(happened, dropped=dropped)))
             else:
                 self._is_snapshot_due = False
@@ -71,7 +68,7 @@ class Listener:
         """Tell it nothing any more."""
         self._timer.cancel()
         self._more.cancel()
-        self._events.clear()
+        self._events.items.clear()
         self._is_snapshot_due = False
 
     def _tick(self) -> None:
@@ -85,6 +82,6 @@ class Listener:
         self._timer = self._loop.call_at(at_s, self._due)
 
     def _due(self) -> None:
-        self._dropped += self._is_snapshot_due
+        self._snapshots_dropped += self._is_snapshot_due
         self._is_snapshot_due = True
         self._tick()

@@ -98,7 +98,7 @@ class ControlServer:
             return
         except OSError as error:
             # No descriptors left, say: whoever waits stays there, and would have us try again without end.
-            self._clients.complaints.add("accept", f"nobody can connect: {error.strerror or error}")
+            self._clients.complain("accept", f"nobody can connect: {error.strerror or error}")
             self._listen(is_on=False)
             self._later = asyncio.get_running_loop().call_later(ACCEPT_AGAIN_S, self._listen)
             return
@@ -107,7 +107,7 @@ class ControlServer:
             with contextlib.suppress(OSError):
                 connection.send(encode(Refused(reason=NO_PLACE)))
             connection.close()
-            self._clients.complaints.add("clients", f"a client was refused: {NO_PLACE}")
+            self._clients.complain("clients", f"a client was refused: {NO_PLACE}")
             return
         self._clients.sessions.add(Session(self._clients, connection, peer_uid(connection)))
 

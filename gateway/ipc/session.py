@@ -6,10 +6,10 @@ import contextlib
 import itertools
 import os
 import socket
+import time
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from gateway.ipc.complaints import Complaints
 from gateway.ipc.desk import Desk
 from gateway.ipc.listener import Listener
 from gateway.ipc.messages import (
@@ -30,6 +30,7 @@ from gateway.ipc.messages import (
     encode,
 )
 from gateway.ipc.outbox import Outbox
+from gateway.limits import Reports
 
 MAX_CLIENTS: Final = 8
 """At once. When they are all there, the one that has been silent longest makes room for the next; where
@@ -51,10 +52,15 @@ class Clients:
     def __init__(self, desk: Desk, idle_s: float) -> None:
         self.desk = desk
         self.idle_s = idle_s
-        self.complaints = Complaints(desk.complain)
+        self._complaints: Reports[str] = Reports()
         self.sessions: set[Session] = set()
         self.turns = itertools.count()
         """Tells which client was heard last."""
+
+    def complain(self, kind: str, detail: str) -> None:
+        """Log the first complaint of a kind, and then one a minute with how many there were."""
+        if sentence := self._complaints.sentence(kind, detail, time.monotonic_ns()):
+            self.desk.complain(sentence)
 
     @property
     def listeners(self) -> list[Listener]:
@@ -309,7 +315,7 @@ class Session:
             self._outbox.write(encode(reply))
 
     def _complain(self, kind: str, reason: str) -> None:
-        self._clients.complaints.add(kind, f"a client (user {self._uid}): {reason}")
+        self._clients.complain(kind, f"a client (user {self._uid}): {reason}")
 
     def _close_descriptors(self) -> None:
         _close(self._descriptors)

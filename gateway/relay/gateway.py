@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import time
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
@@ -33,7 +34,6 @@ from gateway.exchange.latency_status import BOUNDS_US
 from gateway.exchange.line import LineExchange
 from gateway.ipc.compiled_plan import find_table as find_table_in
 from gateway.ipc.compiled_plan import shape_of
-from gateway.ipc.complaints import Complaints
 from gateway.ipc.desk import Desk
 from gateway.ipc.folder_problems import why_open_to_others
 from gateway.ipc.messages import Happened
@@ -41,6 +41,7 @@ from gateway.ipc.notes import Note
 from gateway.ipc.place import ROOT_UID, SocketError
 from gateway.ipc.plan import GatewayPlan, RelayOptions
 from gateway.ipc.server import ControlServer
+from gateway.limits import Reports
 from gateway.relay.activity import Activity
 from gateway.relay.collecting import Collecting
 from gateway.relay.control import answer
@@ -94,9 +95,7 @@ class Relay:
         self._turning: asyncio.TimerHandle | None = None
         self._collecting = Collecting(lambda: not self.busy_lines, self._activity)
         self._shape = shape_of(plan)
-        self._refused_tables = Complaints(
-            lambda detail: self._journal.note(tables.TABLE_REFUSED, detail=detail)
-        )
+        self._refused_tables: Reports[str] = Reports()
         self._find_table = find_table or (None if state is None else partial(find_table_in, state))
 
     @property
@@ -246,7 +245,8 @@ class Relay:
 
     def note_refused(self, detail: str) -> None:
         """Put it on record that a table was refused; not more than once a minute."""
-        self._refused_tables.add("table", detail)
+        if sentence := self._refused_tables.sentence("table", detail, time.monotonic_ns()):
+            self._journal.note(tables.TABLE_REFUSED, detail=sentence)
 
     @property
     def busy_lines(self) -> dict[str, float]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
 
+from gateway.broadcast import NewestQueue
 from gateway.ipc.messages import DEFAULT_INTERVAL_S, SELDOM_S
 from gateway.ipc.notes import Note
 
@@ -52,9 +53,8 @@ class Feed:
     """What waits for one reader."""
 
     def __init__(self, model: Mapping[str, Any] | None) -> None:
-        self._events: deque[Told] = deque()
+        self._events: NewestQueue[Told] = NewestQueue(EVENTS_KEPT)
         self._model = model
-        self._dropped = 0
         self._is_there = asyncio.Event()
         if model is not None:
             self._is_there.set()
@@ -63,17 +63,13 @@ class Feed:
         """Wait until there is something, and return all of it."""
         await self._is_there.wait()
         self._is_there.clear()
-        news = News(tuple(self._events), self._model, self._dropped)
-        self._events.clear()
-        self._model, self._dropped = None, 0
+        news = News(self._events.take_all(), self._model, self._events.take_dropped())
+        self._model = None
         return news
 
     def take_event(self, told: Told) -> None:
         """Note an event; for :class:`Feeds`."""
-        if len(self._events) >= EVENTS_KEPT:
-            self._events.popleft()
-            self._dropped += 1
-        self._events.append(told)
+        self._events.put(told)
         self._is_there.set()
 
     def take_model(self, model: Mapping[str, Any]) -> None:

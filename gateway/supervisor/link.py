@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.backoff import Backoff
 from gateway.ipc.client import NoGatewayError, check_owner
 from gateway.ipc.messages import (
     MAX_REPLY_BYTES,
@@ -76,14 +77,14 @@ class Link:
 
     async def run(self) -> None:
         """Connect again and again; never returns."""
-        tries = 0
+        backoff = Backoff(FIRST_WAIT_S, LONGEST_WAIT_S)
         while True:
             try:
                 reader, writer = await self._connect()
             except NoGatewayError as error:
                 self._lose(str(error))
             except OSError as error:
-                if tries >= QUIET_TRIES:
+                if backoff.failures >= QUIET_TRIES:
                     self._lose(f"{self._path}: {error.strerror or error}")
             else:
                 self._writer = writer
@@ -93,10 +94,10 @@ class Link:
                     self._writer = None
                     writer.close()
                 if self._is_up:
-                    self._is_up, tries = False, 0
+                    self._is_up = False
+                    backoff.reset()
                 self._lose(why)
-            await asyncio.sleep(min(FIRST_WAIT_S * 2**tries, LONGEST_WAIT_S))
-            tries = min(tries + 1, 10)
+            await asyncio.sleep(backoff.next_s())
 
     async def _connect(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)

@@ -7,7 +7,7 @@ a thread beside the loop.
 from collections.abc import Callable
 from typing import Final
 
-from gateway.times import NS_PER_S
+from gateway.limits import TokenBucket, bucket_of
 
 AT_ONCE: Final = 32
 MADE_ROOM: Final = f"it was the longest of {AT_ONCE} handshakes, and made room for another one"
@@ -23,35 +23,6 @@ HOSTS: Final = 256
 OTHERS: Final = "others"
 
 
-class Bucket:
-    """Lets through ``per_s`` in a second in the mean, and ``burst`` at once."""
-
-    def __init__(self, per_s: float, burst: float, now_ns: int) -> None:
-        self._per_s = per_s
-        self._burst = burst
-        self._left = burst
-        self._filled_ns = now_ns
-
-    def is_full(self, now_ns: int) -> bool:
-        """Whether nothing is remembered of it that matters."""
-        self._fill(now_ns)
-        return self._left >= self._burst
-
-    def has_one(self, now_ns: int) -> bool:
-        """Whether one more may go through."""
-        self._fill(now_ns)
-        return self._left >= 1.0
-
-    def take(self) -> None:
-        """Let one through."""
-        self._left -= 1.0
-
-    def _fill(self, now_ns: int) -> None:
-        gained = (now_ns - self._filled_ns) / NS_PER_S * self._per_s
-        self._left = min(self._burst, self._left + gained)
-        self._filled_ns = now_ns
-
-
 class HandshakeLimits:
     """Says of each new connection whether its handshake may begin; time is an argument.
 
@@ -60,12 +31,12 @@ class HandshakeLimits:
     that has most of them makes room. An honest one ends within milliseconds.
     """
 
-    def __init__(self, now_ns: int) -> None:
-        self._all = Bucket(PER_S, PER_S, now_ns)
-        self._spare = Bucket(SPARE_PER_S, SPARE_PER_S, now_ns)
+    def __init__(self) -> None:
+        self._all = bucket_of(PER_S, PER_S)
+        self._spare = bucket_of(SPARE_PER_S, SPARE_PER_S)
         self._known: dict[str, None] = {}
         """Addresses that came in, the newest last."""
-        self._hosts: dict[str, Bucket] = {}
+        self._hosts: dict[str, TokenBucket] = {}
         self._running: dict[str, list[Callable[[], None]]] = {}
         """How each is ended, the oldest first, by host; first the host that has had some for longest."""
         self.running = 0
@@ -85,9 +56,9 @@ class HandshakeLimits:
             return f"too many handshakes: {PER_S} a second"
         if self.running >= AT_ONCE:
             max(self._running.values(), key=len)[0]()
-        bucket.take()
+        bucket.take(now_ns)
         if shared is not None:
-            shared.take()
+            shared.take(now_ns)
         self.running += 1
         self._running.setdefault(host, []).append(give_up)
         return ""
@@ -106,17 +77,17 @@ class HandshakeLimits:
         if len(self._known) > HOSTS:
             del self._known[next(iter(self._known))]
 
-    def _shared(self, host: str, own: Bucket, now_ns: int) -> Bucket | None:
+    def _shared(self, host: str, own: TokenBucket, now_ns: int) -> TokenBucket | None:
         """Return the measure that a host shares with others; None: it has only its own."""
         if host in self._known:
             return None
         return self._spare if own.is_full(now_ns) and not self._all.has_one(now_ns) else self._all
 
-    def _bucket(self, host: str, now_ns: int) -> Bucket:
+    def _bucket(self, host: str, now_ns: int) -> TokenBucket:
         if host not in self._hosts and len(self._hosts) >= HOSTS:
             self._hosts = {name: one for name, one in self._hosts.items() if not one.is_full(now_ns)}
             if len(self._hosts) >= HOSTS:
                 host = OTHERS
         if host not in self._hosts:
-            self._hosts[host] = Bucket(PER_S_OF_A_HOST, BURST_OF_A_HOST, now_ns)
+            self._hosts[host] = bucket_of(PER_S_OF_A_HOST, BURST_OF_A_HOST)
         return self._hosts[host]

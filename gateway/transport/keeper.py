@@ -1,10 +1,10 @@
 """Keeps one channel open for ever: opens it, waits until it is lost, opens it again."""
 
 import asyncio
-import os
 from collections.abc import Awaitable, Callable
 from typing import Final
 
+from gateway.backoff import Backoff
 from gateway.transport.errors import TransportError
 
 FIRST_RETRY_S: Final = 0.01
@@ -13,29 +13,8 @@ BACKOFF_START_S: Final = 0.1
 BACKOFF_MAX_S: Final = 3.0
 WANTED_AGAIN_S: Final = 0.1
 """Who waits for the channel lets one attempt begin in so long at most."""
-BACKOFF_JITTER: Final = 0.1
-"""± share, so that several gateways do not knock in step."""
-
-
-class Backoff:
-    """Pauses between attempts: one short one, then 100 ms doubling to 3 s, until one was of use."""
-
-    def __init__(self) -> None:
-        self._attempt = 0
-
-    def reset(self) -> None:
-        """Begin anew: the channel that was lost was of use."""
-        self._attempt = 0
-
-    def next_s(self) -> float:
-        """Return the pause before the next attempt, in seconds."""
-        attempt = self._attempt
-        self._attempt += 1
-        if attempt == 0:
-            return FIRST_RETRY_S
-        pause_s = min(BACKOFF_START_S * 2.0 ** min(attempt - 1, 16), BACKOFF_MAX_S)
-        share = int.from_bytes(os.urandom(2)) / 0xFFFF
-        return pause_s * (1.0 + BACKOFF_JITTER * (2.0 * share - 1.0))
+BACKOFF_SPREAD: Final = (0.9, 1.1)
+"""So that several gateways do not knock in step."""
 
 
 class Keeper:
@@ -61,7 +40,9 @@ class Keeper:
         self._on_failure = on_failure
         self._on_demand = on_demand
         self._task: asyncio.Task[None] | None = None
-        self._backoff = Backoff()
+        self._backoff = Backoff(
+            BACKOFF_START_S, BACKOFF_MAX_S, at_once_s=FIRST_RETRY_S, spread=BACKOFF_SPREAD
+        )
         self._wanted = asyncio.Event()
         self._began_s = -WANTED_AGAIN_S
         self.failure = ""

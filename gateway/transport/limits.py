@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
+from gateway.limits import TokenBucket
 from gateway.times import NS_PER_S
 
 MAX_CONNECTIONS: Final = 64
@@ -37,32 +38,30 @@ class ConnectRate:
     def __init__(self, limits: ConnectionLimits) -> None:
         self._interval_ns = int(NS_PER_S / limits.connects_per_s)
         self._burst_ns = self._interval_ns * max(limits.max_connections - 1, 0)
-        self._due_ns: dict[str, int] = {}
-        self._served_ns: dict[str, int] = {}
-        """When each of these hosts may have another connection forgotten that got its answer."""
+        self._hosts: dict[str, TokenBucket] = {}
+        self._served: dict[str, TokenBucket] = {}
+        """How many connections of each of these hosts are forgotten that got their answer."""
 
     def takes(self, host: str, now_ns: int) -> bool:
         """Count a connection; return whether it comes slowly enough."""
-        if host not in self._due_ns and len(self._due_ns) >= HOSTS:
+        if host not in self._hosts and len(self._hosts) >= HOSTS:
             self._forget_full(now_ns)
-            host = host if len(self._due_ns) < HOSTS else ""
-        due_ns = max(self._due_ns.get(host, 0), now_ns - self._burst_ns)
-        if due_ns > now_ns:
-            return False
-        self._due_ns[host] = due_ns + self._interval_ns
-        return True
+            host = host if len(self._hosts) < HOSTS else ""
+        if host not in self._hosts:
+            self._hosts[host] = TokenBucket(self._interval_ns, self._burst_ns)
+        return self._hosts[host].takes(now_ns)
 
     def give_back(self, host: str, now_ns: int) -> None:
         """Forget a connection that got its answer and ended: to connect for each request is no flood."""
-        due_ns = self._due_ns.get(host)
-        served_ns = max(self._served_ns.get(host, 0), now_ns - self._burst_ns)
-        if due_ns is not None and served_ns <= now_ns:
-            self._served_ns[host] = served_ns + SERVED_INTERVAL_NS
-            self._due_ns[host] = due_ns - self._interval_ns
+        bucket = self._hosts.get(host)
+        if bucket is None:
+            return
+        if host not in self._served:
+            self._served[host] = TokenBucket(SERVED_INTERVAL_NS, self._burst_ns)
+        if self._served[host].takes(now_ns):
+            bucket.give_back()
 
     def _forget_full(self, now_ns: int) -> None:
         """Forget the hosts whose bucket is full again."""
-        full = [host for host, due_ns in self._due_ns.items() if due_ns <= now_ns - self._burst_ns]
-        for host in full:
-            del self._due_ns[host]
-            self._served_ns.pop(host, None)
+        self._hosts = {host: bucket for host, bucket in self._hosts.items() if not bucket.is_full(now_ns)}
+        self._served = {host: bucket for host, bucket in self._served.items() if host in self._hosts}

@@ -74,7 +74,7 @@ class Door:
         self.receiver_for = receiver_for
         self.on_failed = on_failed
         self.on_too_many = on_too_many
-        self.limits = HandshakeLimits(boot_ns())
+        self.limits = HandshakeLimits()
         self.handshakes = 0
         """So many came to a good end."""
         self.sessions: dict[SecuredConnection, Identity] = {}

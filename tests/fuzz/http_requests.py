@@ -25,7 +25,7 @@ from gateway.catalogue.publishing_events import HTTP_FAILED
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.units import Units
 from gateway.config.http_model import TokenSection
-from gateway.ipc.complaints import Complaints
+from gateway.limits import Reports
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.access import Access
 from gateway.supervisor.http.application import ASKING_PATHS, LOCAL_PATHS, Served
@@ -120,7 +120,7 @@ async def _say(page: Site, data: bytes) -> None:
     shows = TOKEN.encode() in data or b"SESSION" in data
     said = data[1:].replace(b"SESSION", page.session())
     page.said.clear()
-    page.served._complaints = Complaints(lambda what: page.say(HTTP_FAILED, detail=what))
+    page.served._mistakes = Reports()
     page.now_s += AN_HOUR_S
     reloads = page.reloads
     ours, theirs = socket.socketpair()

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from gateway.ipc.complaints import Complaints
 from gateway.ipc.desk import Desk
 from gateway.ipc.messages import (
     MAX_TABLES,
@@ -234,17 +233,6 @@ def _flood(path: Path, data: bytes, count: int) -> int:
         connection.sendall(data)
         with connection.makefile("rb") as file:
             return sum(isinstance(decode_reply(file.readline()), Pong) for _ in range(count))
-
-
-def test_complaints_of_a_kind_are_noted_once_a_minute_with_their_number() -> None:
-    now_s = 0.0
-    noted: list[str] = []
-    complaints = Complaints(noted.append, lambda: now_s)
-    for now_s in (0.0, 1.0, 59.0, 60.0, 61.0):
-        complaints.add("a", f"at {now_s:g}")
-    complaints.add("b", "of another kind")
-    # At 60 s: those of 1, 59 and 60 s.
-    assert noted == ["at 0", "at 60, 3 times since the last note", "of another kind"]
 
 
 # --- sealed memory -----------------------------------------------------------------------------------------

@@ -150,7 +150,7 @@ async def test_a_listener_that_does_not_read_keeps_the_newest_and_knows_how_many
                     await asyncio.sleep(0)  # a turn of the loop, so that what can be sent is
             [session] = server._clients.sessions
             assert session.listener is not None
-            assert len(session.listener._events) == EVENTS_KEPT
+            assert len(session.listener._events.items) == EVENTS_KEPT
             assert session._outbox.waiting_bytes < 200  # the rest of one event
             # The last ones wait for it, oldest first, and the next message says how many were dropped.
             messages = await asyncio.to_thread(_read_all, deaf, total - 1)
@@ -186,7 +186,7 @@ async def test_snapshots_that_nobody_takes_are_not_even_made(tmp_path: Path) -> 
             session = max(server._clients.sessions, key=lambda each: each._outbox.waiting_bytes)
             assert session.listener is not None
             assert session._outbox.waiting_bytes < 1_100_000
-            asked, missed = model.asked, session.listener._dropped
+            asked, missed = model.asked, session.listener._snapshots_dropped
             model.ballast = ""
             deaf.settimeout(PATIENCE_S)
             data = b""

@@ -1,6 +1,7 @@
 """Connections that are not let in: told of with their reason, but never one by one."""
 
 from gateway.relay.refusals import HOSTS, Refusals
+from gateway.times import NS_PER_S
 from gateway.transport.tcp import Refusal
 
 
@@ -8,23 +9,23 @@ class Notes:
     """What was noted, and a clock that stands until it is moved."""
 
     def __init__(self) -> None:
-        self.now_s = 1000.0
+        self.now_ns = 1000 * NS_PER_S
         self.details: list[str] = []
         self.refusals = Refusals(
-            lambda event, detail: self.details.append(f"{event.name} {detail}"), self.clock_s
+            lambda event, detail: self.details.append(f"{event.name} {detail}"), self.clock_ns
         )
 
-    def clock_s(self) -> float:
-        return self.now_s
+    def clock_ns(self) -> int:
+        return self.now_ns
 
 
 def test_a_flood_from_one_host_is_one_note_a_minute_with_its_count() -> None:
     notes = Notes()
     for _ in range(1000):
         notes.refusals.add("10.0.0.1", Refusal.TOO_MANY)
-    notes.now_s += 59.9
+    notes.now_ns += 60 * NS_PER_S - 1
     notes.refusals.add("10.0.0.1", Refusal.TOO_MANY)
-    notes.now_s += 0.1
+    notes.now_ns += 1
     notes.refusals.add("10.0.0.1", Refusal.TOO_MANY)
     # The first was noted at once; then 999 + 1 + 1.
     sentence = "connection-refused 10.0.0.1: too many connections at once (max_connections)"

@@ -46,7 +46,7 @@ def begun(limits: HandshakeLimits, host: str, times: int, now_ns: int) -> int:
 
 
 def test_one_host_has_ten_at_once_and_then_five_a_second() -> None:
-    limits = HandshakeLimits(0)
+    limits = HandshakeLimits()
     assert begun(limits, "a", 500, 0) == 10
     assert limits.why_not("a", 0, nothing) == "too many handshakes: 5 a second from one address"
     assert begun(limits, "a", 500, S) == 5
@@ -55,13 +55,13 @@ def test_one_host_has_ten_at_once_and_then_five_a_second() -> None:
 
 
 def test_a_flood_of_one_host_leaves_room_for_another() -> None:
-    limits = HandshakeLimits(0)
+    limits = HandshakeLimits()
     begun(limits, "flood", 500, 0)
     assert begun(limits, "controller", 1, 0) == 1
 
 
 def test_all_hosts_together_have_twenty_at_once_and_then_twenty_a_second() -> None:
-    limits = HandshakeLimits(0)
+    limits = HandshakeLimits()
     assert sum(begun(limits, f"host {n}", 2, 0) for n in range(10)) == 20
     # Who has tried nothing lately has five more.
     assert sum(begun(limits, f"other {n}", 2, 0) for n in range(20)) == 5
@@ -70,7 +70,7 @@ def test_all_hosts_together_have_twenty_at_once_and_then_twenty_a_second() -> No
 
 
 def test_a_controller_that_came_in_before_has_its_own_measure_whatever_others_do() -> None:
-    limits = HandshakeLimits(0)
+    limits = HandshakeLimits()
     limits.came_in("controller")
     assert sum(begun(limits, f"host {n}", 1, 0) for n in range(100)) == 25
     assert begun(limits, "controller", 50, 0) == 10
@@ -82,7 +82,7 @@ def test_a_controller_that_came_in_before_has_its_own_measure_whatever_others_do
 
 
 def test_four_strangers_that_take_all_there_are_leave_some_for_a_controller() -> None:
-    limits = HandshakeLimits(0)
+    limits = HandshakeLimits()
     came = 0
     for tick in range(20 * 60):  # a minute, twenty tries of each in a second
         now_ns = tick * S // 20
@@ -94,7 +94,7 @@ def test_four_strangers_that_take_all_there_are_leave_some_for_a_controller() ->
 
 
 def test_those_that_do_not_end_are_bounded_and_keep_nobody_out() -> None:
-    limits = HandshakeLimits(0)
+    limits = HandshakeLimits()
     slow = Slow(limits)
     assert [slow.begin(f"slow {n}", "slow", n * S) for n in range(8)] == [""] * 8
     assert slow.begin("", "slow", 100 * S) == "too many handshakes: 8 at once from one address"
@@ -108,7 +108,7 @@ def test_those_that_do_not_end_are_bounded_and_keep_nobody_out() -> None:
 
 
 def test_four_hosts_that_never_end_a_handshake_do_not_lock_a_controller_out() -> None:
-    limits = HandshakeLimits(0)
+    limits = HandshakeLimits()
     slow = Slow(limits)
     for second in range(60):
         for host in range(4):
@@ -152,7 +152,7 @@ async def test_a_connection_that_makes_room_is_closed_and_told_of(tmp_path: Path
 
 
 def test_very_many_hosts_share_one_measure_and_do_not_fill_the_memory() -> None:
-    limits = HandshakeLimits(0)
+    limits = HandshakeLimits()
     slow = Slow(limits)
     for n in range(10_000):
         slow.begin("", f"fd00::{n:x}", n * S // 1000)  # a thousand a second

@@ -1,6 +1,7 @@
 """What is served: which path leads where."""
 
 import contextlib
+import time
 from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final
@@ -13,7 +14,7 @@ from starlette.routing import Route
 
 from gateway.catalogue.publishing_events import HTTP_FAILED
 from gateway.catalogue.troubles import TROUBLES
-from gateway.ipc.complaints import Complaints
+from gateway.limits import Reports
 from gateway.supervisor.http.access import CHALLENGE, Access
 from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, raw_json, shortened
 from gateway.supervisor.http.door import Door
@@ -58,7 +59,7 @@ class Served:
         self._tables = Tables(window)
         self._frames = Frames(window)
         self._histories = Histories(window)
-        self._complaints = Complaints(lambda what: window.say(HTTP_FAILED, detail=what))
+        self._mistakes: Reports[str] = Reports()
         self._page: Mapping[str, PageFile] = read_page()
 
     def close(self) -> None:
@@ -148,7 +149,8 @@ class Served:
     async def _failed(self, request: Request, error: Exception) -> Response:
         """Answer where we made a mistake, and put it into the log."""
         what = f"{shortened(request.scope['path'])}: {type(error).__name__}: {error}"
-        self._complaints.add("failed", what)
+        if sentence := self._mistakes.sentence("failed", what, time.monotonic_ns()):
+            self._window.say(HTTP_FAILED, detail=sentence)
         return problem(500, "the supervisor made a mistake; its log says which")
 
 

@@ -1,17 +1,17 @@
-"""Who was refused, on its way to the log: the first time at once, and then once a minute with how often."""
+"""Clients that were refused: the first refusal is reported at once, and then one a minute with how often."""
 
-from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 from gateway.catalogue.entry import EventEntry
+from gateway.limits import Reports
 from gateway.supervisor.http.wrong_tries import site_of
 from gateway.supervisor.saying import Say
+from gateway.times import NS_PER_S
 
-EVERY_S: Final = 60.0
 MOST: Final = 1024
-"""Of which something is kept; for one more the one that was heard of longest ago is forgotten."""
+"""So many addresses are reported by name, all others together: a flood must not fill the log."""
+OTHERS: Final = "further addresses"
 
 
 Refused = Callable[[str, str], None]
@@ -22,48 +22,33 @@ def tell_nobody(_peer: str, _why: str) -> None:
     """Tell nobody: on the Unix socket whoever asks is this machine's own."""
 
 
-@dataclass(slots=True)
-class _Kept:
-    told_s: float
-    reason: str
-    untold: int = 0
+def _others(key: tuple[EventEntry, str]) -> tuple[EventEntry, str]:
+    return key[0], OTHERS
 
 
 class Refusals:
-    """Tells of refusals by event and address, never of what was shown."""
+    """Reports refusals by event and address, never what was shown."""
 
     def __init__(self, say: Say) -> None:
         self._say = say
-        self._kept: OrderedDict[tuple[EventEntry, str], _Kept] = OrderedDict()
+        self._reports: Reports[tuple[EventEntry, str]] = Reports(most=MOST, others=_others)
+        self._reasons: dict[tuple[EventEntry, str], str] = {}
+        """Of the newest refusal of each."""
 
     def note(self, event: EventEntry, address: str, reason: str, now_s: float) -> None:
-        """Count a refusal, and tell of it where nothing was told of that address for a minute."""
-        key = (event, site_of(address))
-        kept = self._kept.get(key)
-        if kept is None:
-            self._kept[key] = _Kept(now_s, reason)
-            self._tell(key, reason, 1)
-            while len(self._kept) > MOST:
-                self._kept.popitem(last=False)
-            return
-        self._kept.move_to_end(key)
-        kept.untold += 1
-        kept.reason = reason
-        self._tell_if_due(key, kept, now_s)
+        """Count a refusal, and report it where none of that address was reported for a minute."""
+        now_ns = int(now_s * NS_PER_S)
+        key = self._reports.counted_as((event, site_of(address)))
+        self._reasons[key] = reason
+        if count := self._reports.due(key, now_ns):
+            self._tell(key, count)
 
     def sweep(self, now_s: float) -> None:
-        """Tell of what was held back, and forget who has been quiet since."""
-        for key, kept in list(self._kept.items()):
-            if not kept.untold and now_s - kept.told_s >= EVERY_S:
-                del self._kept[key]
-            else:
-                self._tell_if_due(key, kept, now_s)
+        """Report what was held back, and forget the addresses that have been quiet since."""
+        for key, count in self._reports.held_back(int(now_s * NS_PER_S)):
+            self._tell(key, count)
+        self._reasons = {key: reason for key, reason in self._reasons.items() if self._reports.knows(key)}
 
-    def _tell_if_due(self, key: tuple[EventEntry, str], kept: _Kept, now_s: float) -> None:
-        if kept.untold and now_s - kept.told_s >= EVERY_S:
-            times, kept.untold, kept.told_s = kept.untold, 0, now_s
-            self._tell(key, kept.reason, times)
-
-    def _tell(self, key: tuple[EventEntry, str], reason: str, times: int) -> None:
+    def _tell(self, key: tuple[EventEntry, str], times: int) -> None:
         event, address = key
-        self._say(event, peer=address, detail=reason, times=times)
+        self._say(event, peer=address, detail=self._reasons[key], times=times)

@@ -11,6 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.backoff import Backoff
 from gateway.catalogue.publishing_events import HTTP_NOT_OPEN, HTTP_READY, HTTP_REFUSED, TOKEN_UNUSABLE
 from gateway.config.check_lines import is_loopback
 from gateway.config.http_model import HttpSection
@@ -102,7 +103,7 @@ class HttpService:
             served.close()
 
     async def _keep_tcp(self, served: Served) -> None:
-        wait_s = FIRST_WAIT_S
+        backoff = Backoff(FIRST_WAIT_S, LONGEST_WAIT_S)
         while True:
             wanted = self._wanted
             self._changed.clear()
@@ -113,16 +114,17 @@ class HttpService:
                 continue
             try:
                 await self._serve_tcp(served, wanted)
-                wait_s = FIRST_WAIT_S
+                backoff.reset()
             except (OSError, NamedFileError) as error:
                 why = _reason(error) if isinstance(error, OSError) else str(error)
                 self._tcp_problem = f"{wanted.endpoint}: {why}"
-                if wait_s == FIRST_WAIT_S:
+                if not backoff.failures:
                     self._not_open(str(wanted.endpoint), self._tcp_problem)
                 with contextlib.suppress(TimeoutError):
-                    async with asyncio.timeout(wait_s):
+                    async with asyncio.timeout(backoff.next_s()):
                         await self._changed.wait()
-                wait_s = FIRST_WAIT_S if self._changed.is_set() else min(2.0 * wait_s, LONGEST_WAIT_S)
+                if self._changed.is_set():
+                    backoff.reset()
 
     async def _serve_tcp(self, served: Served, wanted: Wanted) -> None:
         """Serve until something else is wanted.
@@ -188,7 +190,7 @@ class HttpService:
         self._window.say(TOKEN_UNUSABLE, detail=f"{why}; nobody gets in by it")
 
     async def _keep_local(self, served: Served) -> None:
-        wait_s = FIRST_WAIT_S
+        backoff = Backoff(FIRST_WAIT_S, LONGEST_WAIT_S)
         while True:
             try:
                 place = SocketPlace(self._window.state, SUPERVISOR_SOCKET_NAME, lock_name=None)
@@ -197,8 +199,7 @@ class HttpService:
                 if self._local_problem != str(error):
                     self._local_problem = str(error)
                     self._not_open(SUPERVISOR_SOCKET_NAME, str(error))
-                await asyncio.sleep(wait_s)
-                wait_s = min(2.0 * wait_s, LONGEST_WAIT_S)
+                await asyncio.sleep(backoff.next_s())
             else:
                 self._local_problem = None
                 try:

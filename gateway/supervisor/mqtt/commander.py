@@ -18,10 +18,10 @@ from paho.mqtt.reasoncodes import ReasonCode
 
 from gateway.catalogue.entry import Severity
 from gateway.catalogue.publishing_events import MQTT_COMMAND, MQTT_COMMAND_IGNORED, MQTT_COMMANDS_TOO_MANY
+from gateway.limits import bucket_of
 from gateway.supervisor.mqtt.commands import (
     BURST,
     PER_S,
-    Allowance,
     Answer,
     Orders,
     carry_out,
@@ -31,6 +31,7 @@ from gateway.supervisor.mqtt.commands import (
 from gateway.supervisor.mqtt.messages import encode
 from gateway.supervisor.mqtt.topics import COMMANDS, Topics
 from gateway.supervisor.saying import Say
+from gateway.times import NS_PER_S
 
 LONGEST_SHOWN: Final = 256
 """Of a topic that a stranger chose."""
@@ -78,7 +79,9 @@ class Commander:
         self._topics = topics
         self._orders = orders
         self._say = say
-        self._allowance = Allowance()
+        self._rate = bucket_of(PER_S, BURST)
+        self._missed = 0
+        """Commands that came too often, since the last one that was let through."""
         self._too_many = 0
         """Commands that were not carried out, and are not told of yet."""
         self._last_of_them = ""
@@ -98,15 +101,15 @@ class Commander:
             self._ignore_retained(command, message.topic.value)
             return
         axes = disabled_axes(command, message.payload)
-        entry = _Waiting(client, message, command, axes, missed=self._allowance.ignored)
+        now_ns = int(asyncio.get_running_loop().time() * NS_PER_S)
+        entry = _Waiting(client, message, command, axes, missed=self._missed)
         if axes is not None and (same := self._same_waiting(axes)) is not None:
             same.repeated += 1
-        elif axes is not None and len(self._waiting) < MOST_WAITING:
-            self._allowance.ignored = 0
-            self._wait(entry)
-        elif axes is None and self._allowance.takes(asyncio.get_running_loop().time()):
+        elif len(self._waiting) < MOST_WAITING if axes is not None else self._rate.takes(now_ns):
+            self._missed = 0
             self._wait(entry)
         else:
+            self._missed += axes is None
             self._note_too_many(entry.shown)
             if axes is None and not entry.missed:  # one answer for all that follow
                 text = f"more than {BURST} at once and {PER_S:g} a second: this and what follows is ignored"

@@ -105,27 +105,6 @@ class Answer:
         }
 
 
-class Allowance:
-    """How many commands may come; a broker's clients can send thousands a second."""
-
-    def __init__(self) -> None:
-        self.ignored = 0
-        """Since the last one that was let through."""
-        self._left = float(BURST)
-        self._seen_s = 0.0
-
-    def takes(self, now_s: float) -> bool:
-        """Whether there may be one more now."""
-        self._left = min(BURST, self._left + (now_s - self._seen_s) * PER_S)
-        self._seen_s = now_s
-        if self._left < 1.0:
-            self.ignored += 1
-            return False
-        self._left -= 1.0
-        self.ignored = 0
-        return True
-
-
 async def carry_out(command: str, payload: bytes, orders: Orders) -> Answer:
     """Do what a message asks for; what is wrong with it, or with doing it, is in the answer."""
     answer = Answer(command, shown_payload(payload))

@@ -1,8 +1,8 @@
 """What waits to be published: the newest model and the newest events, whatever the broker does meanwhile."""
 
 import asyncio
-from collections import deque
 
+from gateway.broadcast import NewestQueue
 from gateway.supervisor.feeds import EVENTS_KEPT, Feed, News, Told
 from gateway.supervisor.mqtt.messages import Payload
 
@@ -15,7 +15,7 @@ class Outbox:
         """The newest status model."""
         self.dropped = 0
         """Events that were not published, because the broker was away or slow for too long."""
-        self._events: deque[Told] = deque()
+        self._events: NewestQueue[Told] = NewestQueue(EVENTS_KEPT)
         self._is_there = asyncio.Event()
 
     def take(self, news: News) -> None:
@@ -23,10 +23,7 @@ class Outbox:
         if news.model is not None:
             self.model = news.model
         self._events.extend(news.events)
-        self.dropped += news.dropped
-        while len(self._events) > EVENTS_KEPT:
-            self._events.popleft()
-            self.dropped += 1
+        self.dropped += news.dropped + self._events.take_dropped()
         self._is_there.set()
 
     async def collect(self, feed: Feed) -> None:
@@ -37,12 +34,12 @@ class Outbox:
     @property
     def event(self) -> Told | None:
         """The oldest event that waits."""
-        return self._events[0] if self._events else None
+        return self._events.items[0] if self._events.items else None
 
     def done_with(self, event: Told) -> None:
         """Note that an event has been published; it may have been dropped meanwhile."""
-        if self._events and self._events[0] is event:
-            self._events.popleft()
+        if self._events.items and self._events.items[0] is event:
+            self._events.items.popleft()
         else:
             self.dropped -= 1
 

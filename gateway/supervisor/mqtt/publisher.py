@@ -1,13 +1,13 @@
 """Publishing what the gateway does over MQTT; it outlives every broker and every network."""
 
 import asyncio
-import random
 import time
 from pathlib import Path
 from typing import Any, Final
 
 import aiomqtt
 
+from gateway.backoff import Backoff
 from gateway.catalogue.publishing_events import MQTT_COMMANDS_NOT_HEARD, MQTT_CONNECTED, MQTT_LOST
 from gateway.supervisor.mqtt.commander import Commander
 from gateway.supervisor.mqtt.commands import Orders
@@ -24,20 +24,12 @@ from gateway.supervisor.saying import Say
 
 FIRST_WAIT_S: Final = 1.0
 LONGEST_WAIT_S: Final = 60.0
+SPREAD: Final = (0.5, 1.0)
+"""So that the gateways of a plant do not come back to their broker all at once."""
 STEADY_S: Final = 10.0
 """A connection that held for as long was a good one: the next attempt comes soon again."""
 SHORT_ONES: Final = 3
 """So many connections in a row that did not hold are those of a client id that two clients have."""
-
-
-def wait_s(tries: int, share: float) -> float:
-    """Return how long to wait after so many attempts in vain; ``share``, from 0 to 1, spreads the gateways.
-
-    >>> wait_s(0, 1.0), wait_s(3, 1.0), wait_s(3, 0.0), wait_s(1000, 1.0)
-    (1.0, 8.0, 4.0, 60.0)
-    """
-    longest = min(FIRST_WAIT_S * 2.0 ** min(tries, 10), LONGEST_WAIT_S)
-    return longest * (0.5 + 0.5 * share)
 
 
 class Publisher:
@@ -86,7 +78,7 @@ class Publisher:
         await self._commander.finish()
 
     async def _keep_connected(self, ledger: Ledger) -> None:
-        tries = 0
+        backoff = Backoff(FIRST_WAIT_S, LONGEST_WAIT_S, spread=SPREAD)
         while True:
             began_s = time.monotonic()
             steady = asyncio.get_running_loop().call_later(STEADY_S, self._hold)
@@ -99,9 +91,8 @@ class Publisher:
             finally:
                 steady.cancel()
             if time.monotonic() - began_s > STEADY_S:
-                tries = 0
-            await asyncio.sleep(wait_s(tries, random.random()))
-            tries += 1
+                backoff.reset()
+            await asyncio.sleep(backoff.next_s())
 
     @property
     def _is_taken_over(self) -> bool:

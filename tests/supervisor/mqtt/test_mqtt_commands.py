@@ -12,7 +12,7 @@ from paho.mqtt.properties import Properties
 
 from gateway.ipc.client import NobodyListensError
 from gateway.ipc.messages import Disable, Done, Enable, Request, SetGain
-from gateway.supervisor.mqtt.commands import Allowance, Orders, carry_out
+from gateway.supervisor.mqtt.commands import Orders, carry_out
 from gateway.supervisor.outcome import Outcome
 from tests.mosquitto import ANYBODY, PATIENCE_S, Watcher, broker_in, payload_of, watching
 from tests.supervisor.mqtt.mqtt_bench import ROOT, data_of, model, publishing, settings
@@ -114,17 +114,6 @@ async def test_without_a_relay_the_answer_says_so() -> None:
 
     answer = await carry_out("disable", b'{"axes": "all"}', Orders(nothing, ask))
     assert (answer.result, answer.problems) == ("refused", ("no gateway runs",))
-
-
-def test_ten_at_once_and_then_one_a_second() -> None:
-    allowance = Allowance()
-    assert [allowance.takes(1000.0) for _ in range(12)] == [True] * 10 + [False] * 2
-    assert allowance.ignored == 2
-    assert not allowance.takes(1000.5)
-    assert allowance.takes(1001.0)
-    assert allowance.ignored == 0
-    assert not allowance.takes(1001.0)
-    assert [allowance.takes(2000.0) for _ in range(11)] == [True] * 10 + [False]
 
 
 async def command(watcher: Watcher, name: str, payload: Any, **options: Any) -> None:
@@ -239,7 +228,7 @@ async def test_with_version_5_the_answer_goes_where_the_asker_wants_it(tmp_path:
 
 
 async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.supervisor.mqtt.commands.PER_S", 0.0)
+    monkeypatch.setattr("gateway.supervisor.mqtt.commander.PER_S", 1e-6)
     with broker_in(tmp_path) as broker:
         given = settings(broker.port, tmp_path, commands=True)
         async with publishing(given, tmp_path) as site, watching(broker.port, f"{ROOT}/event") as watcher:
@@ -247,12 +236,12 @@ async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch:
             for number in range(30):
                 await command(watcher, "enable", {"axes": "all", "id": number})
             flooded = await answer_to(watcher, None)
-            allowance = site.publisher._commander._allowance
+            commander = site.publisher._commander
             async with asyncio.timeout(PATIENCE_S):
-                while allowance.ignored < 20:  # noqa: ASYNC110 - nothing is told of these
+                while commander._missed < 20:  # noqa: ASYNC110 - nothing is told of these
                     await asyncio.sleep(0)
             await site.until_said("mqtt-commands-too-many")
-            allowance._left = 1.0  # a second has gone by
+            commander._rate.give_back()  # as if its time had gone by
             await command(watcher, "enable", {"axes": "all", "id": "after"})
             after = await answer_to(watcher, "after")
     assert len(site.asked) == 11

@@ -17,7 +17,6 @@ from paho.mqtt.reasoncodes import ReasonCode
 
 from gateway.catalogue.process_events import SUPERVISING
 from gateway.supervisor.mqtt.connection import _Client
-from gateway.supervisor.mqtt.publisher import FIRST_WAIT_S, LONGEST_WAIT_S, wait_s
 from gateway.supervisor.mqtt.reasons import why
 from tests.certificates import authority, signed_by
 from tests.mosquitto import Broker, broker_in, mosquitto_passwd, watching
@@ -208,7 +207,7 @@ def files_open() -> int:
 async def test_a_broker_that_comes_and_goes_leaves_nothing_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("gateway.supervisor.mqtt.publisher.wait_s", lambda tries, share: 0.01)
+    monkeypatch.setattr("gateway.supervisor.mqtt.publisher.LONGEST_WAIT_S", 0.01)
     open_files: list[int] = []
     with broker_in(tmp_path) as broker:
         async with publishing(settings(broker.port, tmp_path, version="5"), tmp_path) as site:
@@ -243,12 +242,6 @@ async def test_a_socket_that_was_closed_meanwhile_is_not_waited_for() -> None:
     assert errors == []
     os.close(somebody_elses)
     peer.close()
-
-
-def test_the_waits_grow_to_a_minute_and_are_spread() -> None:
-    assert [wait_s(tries, 1.0) for tries in range(8)] == [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 60.0, 60.0]
-    assert wait_s(0, 0.0) == FIRST_WAIT_S / 2
-    assert wait_s(10**6, 0.0) == LONGEST_WAIT_S / 2
 
 
 TLS = """listener {port} 127.0.0.1

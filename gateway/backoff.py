@@ -1,0 +1,59 @@
+"""The pause before the next attempt at something that failed: it doubles each time, up to a longest one."""
+
+import os
+from collections.abc import Callable
+
+
+def _drawn() -> float:
+    return int.from_bytes(os.urandom(2), "big") / 0xFFFF
+
+
+class Backoff:
+    """The pauses between attempts, in seconds.
+
+    Args:
+        first_s: the pause after the first failure; it doubles with each further one.
+        longest_s: the longest pause.
+        at_once_s: a short pause that comes before all of these.
+        spread: the least and the greatest share of a pause that is waited, so that several gateways do not
+            try in step.
+        share: returns a number from 0 to 1, by which the share of a pause is drawn.
+    """
+
+    __slots__ = ("_at_once_s", "_first_s", "_longest_s", "_share", "_spread", "failures")
+
+    def __init__(
+        self,
+        first_s: float,
+        longest_s: float,
+        *,
+        at_once_s: float | None = None,
+        spread: tuple[float, float] = (1.0, 1.0),
+        share: Callable[[], float] = _drawn,
+    ) -> None:
+        self._first_s, self._longest_s, self._at_once_s = first_s, longest_s, at_once_s
+        self._spread, self._share = spread, share
+        self.failures = 0
+        """Attempts since the last one that was of use."""
+
+    @property
+    def pause_s(self) -> float:
+        """The pause that comes next, before it is spread."""
+        doublings = self.failures - (self._at_once_s is not None)
+        if self._at_once_s is not None and doublings < 0:
+            return self._at_once_s
+        return min(self._first_s * 2.0 ** min(doublings, 32), self._longest_s)
+
+    def next_s(self) -> float:
+        """Count a failed attempt, and return the pause before the next one."""
+        pause_s = self.pause_s
+        is_spread = self.failures > 0 or self._at_once_s is None
+        self.failures += 1
+        least, most = self._spread
+        if not is_spread or least == most:
+            return pause_s
+        return pause_s * (least + (most - least) * self._share())
+
+    def reset(self) -> None:
+        """Begin with the first pause again: an attempt was of use."""
+        self.failures = 0
