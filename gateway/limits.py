@@ -124,6 +124,11 @@ class Reports(Generic[Key]):
         return due
 
 
+def others_of_pairs(_: tuple[str, str]) -> tuple[str, str]:
+    """Return the key of all further pairs of names."""
+    return "", ""
+
+
 def times(count: int) -> str:
     """Return what stands behind the sentence about the last one of several; empty for one.
 

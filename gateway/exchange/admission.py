@@ -15,7 +15,7 @@ from gateway.exchange.ports import ControllerPort
 from gateway.exchange.queue import WAITING_BYTES
 from gateway.exchange.rights import UNLIMITED
 from gateway.exchange.transaction import Answer, Endings, Transaction
-from gateway.limits import Reports, times
+from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.pdu import ExceptionCode
 
 NO_ROOM: Final = Denial(
@@ -59,7 +59,7 @@ class Admission:
         self._ownership = ownership
         self._on_event = on_event
         self._gates: dict[ControllerPlan, Gate] = {}
-        self._told: Reports[tuple[str, str]] = Reports()
+        self._told: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
 
     def denial(self, transaction: Transaction, now_ns: int) -> Denial | None:
         """Return why the rights of its controller do not allow a request that comes now; None: they do."""

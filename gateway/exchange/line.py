@@ -66,7 +66,7 @@ from gateway.exchange.transaction import (
     Transaction,
     outcome_of_reply,
 )
-from gateway.limits import Reports, times
+from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.lengths import is_odd_request
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, EXCEPTION_BIT, MAX_PDU, ExceptionCode, is_exception
 from gateway.times import NS_PER_MS, NS_PER_S
@@ -144,7 +144,7 @@ class LineExchange(CuttingLine):
         """When it is looked whether the connection can be closed; 0: it stays."""
         self._is_stopping = False
         self.answers = Answers(timing, is_serial=link.is_serial)
-        self._refusals: Reports[tuple[str, str]] = Reports(NS_PER_S, REFUSALS_TOLD)
+        self._refusals: Reports[tuple[str, str]] = Reports(NS_PER_S, REFUSALS_TOLD, others=others_of_pairs)
         self._arrived_ns = 0
         self._gaps = Gaps(timing)
         self._waits_until_ns: int | None = None

@@ -11,7 +11,7 @@ from gateway.exchange.axis.state import HOMING, OnWire, Said, Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.link_loss import BLINK_NS, CLOSES_SOON_NS, HEARD_NS, LinkLoss
 from gateway.exchange.plan import DONE_BIT
-from gateway.limits import Reports, times
+from gateway.limits import Reports, others_of_pairs, times
 from gateway.times import NS_PER_S
 
 STREAM_ENDED_NS: Final = NS_PER_S
@@ -73,7 +73,7 @@ class LinkState:
         """Whether the server may close its connection behind an answer: it was not seen yet that it stays."""
         self.has_closed_soon = False
         """Whether it did so the last time."""
-        self._told: Reports[tuple[str, str]] = Reports()
+        self._told: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
         self._is_told = True
         """Whether somebody knows that it is down: then that it is up is told, too."""
         self._detail = ""

@@ -19,7 +19,7 @@ from gateway.exchange.request import Request, has_a_stop, part_of, written_part
 from gateway.exchange.rivals import Rivals
 from gateway.exchange.transaction import Transaction
 from gateway.exchange.unit import FieldHit
-from gateway.limits import Reports, times
+from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.pdu import ExceptionCode
 
 LOST_BY_WRITER: Final = 32
@@ -51,7 +51,7 @@ class Ownership:
         self._connections: dict[str, int] = {}
         self._lost: dict[tuple[str, str], dict[tuple[int, bytes], Unsent]] = {}
         """By axis and writer; the newest of each head."""
-        self._told: Reports[tuple[str, str]] = Reports(others=lambda _: ("", ""))
+        self._told: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
         self.rivals = Rivals()
 
     def came(self, port: ControllerPort) -> None:

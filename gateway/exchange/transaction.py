@@ -33,7 +33,7 @@ from gateway.exchange.ports import ControllerPort
 from gateway.exchange.request import Known, Rewriting
 from gateway.exchange.translate import note_discrete, outcome_of, reply_without_positions, turned_back
 from gateway.exchange.unit import UnitMap
-from gateway.limits import Reports, times
+from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
 from gateway.times import NS_PER_S
 
@@ -465,7 +465,7 @@ class Endings:
         self._on_event = on_event
         self._lose = lose
         self._unit_of = unit_of
-        self._withdrawals: Reports[tuple[str, str]] = Reports(NS_PER_S)
+        self._withdrawals: Reports[tuple[str, str]] = Reports(NS_PER_S, others=others_of_pairs)
 
     def finish(
         self,
