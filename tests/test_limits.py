@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.limits import EVERY_NS, Reports, TokenBucket, bucket_of, times
+from gateway.limits import EVERY_NS, MOST_KEYS, Reports, TokenBucket, bucket_of, others_of_pairs, times
 from gateway.times import NS_PER_S
 
 START_NS = 1000 * NS_PER_S
@@ -98,3 +98,9 @@ def test_how_often() -> None:
 def test_a_bucket_of_nanoseconds_lets_the_burst_through_and_one_more() -> None:
     bucket = TokenBucket(10, 30)
     assert [bucket.takes(100) for _ in range(5)] == [True] * 4 + [False]
+
+
+def test_further_pairs_of_names_are_counted_together() -> None:
+    reports: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
+    due = [reports.due(("line-down", f"reason {number}"), START_NS) for number in range(5000)]
+    assert sum(due) == MOST_KEYS + 1
