@@ -66,7 +66,7 @@ def test_a_drive_that_has_never_answered_is_named_and_not_called_unreferenced(
         trouble = sick.until_trouble("drive-silent", ask)
         assert trouble["where"] == "axis x"
         assert trouble["what"].startswith("its drive (unit id 1) has never answered for ")
-        assert "unit id, baud rate and parity; pitch-gateway capture --follow" in trouble["remedy"]
+        assert "unit id, baud rate and parity; `pitch-gateway capture CONFIG --follow`" in trouble["remedy"]
         assert trouble["axes"] == ["x"]
         status = sick.status()
         assert kinds(status)[0] == "drive-silent"
