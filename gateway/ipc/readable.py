@@ -25,7 +25,9 @@ PLAIN: Final[Mapping[type, str]] = {
     traffic.RestFirst: "the gateway before left something unanswered: the line rests first",
     traffic.Up: "the drives can be reached",
     traffic.Down: "the drives cannot be reached",
+    traffic.Unframed: "          ← bytes of which no frame was made yet",
     traffic.Tick: "a deadline passed",
+    traffic.Beginning: "the line is idle: a replay may begin here",
     traffic.Stop: "the gateway stops",
 }
 
@@ -98,6 +100,14 @@ class Reader:
                 )
             case traffic.Control():
                 return f"command {entry.command} {entry.axis}"
+            case traffic.Tables():
+                return f"command set-table {', '.join(f'{each.axis} {each.file}' for each in entry.tables)}"
+            case traffic.Share():
+                return f"command set-gain {entry.axis} {entry.forward:g} {entry.backward:g}"
+            case traffic.Limits():
+                return f"command set-limits {entry.axis}"
+            case traffic.Temperature():
+                return f"command set-temperature {entry.axis} {entry.celsius:g} °C"
             case _:
                 return PLAIN[type(entry)]
 
