@@ -55,11 +55,12 @@ AS_ONE = ("-flto=auto", "-fvisibility=hidden")
 """With which the C compiler optimises all modules as one, where it takes them."""
 PLAIN = (
     "compensation/settings.py",
+    "exchange/commands.py",
     "exchange/plan.py",
     "exchange/rights.py",
     "modbus/registers.py",
 )
-"""Left as they are: plans, which msgspec takes apart and puts together."""
+"""Left as they are: plans and commands, which msgspec takes apart and puts together."""
 
 
 def modules(package: Path) -> list[str]:

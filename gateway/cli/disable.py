@@ -17,7 +17,7 @@ def disable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> No
 
         pitch-gateway disable gateway.toml x
     """
-    from gateway.ipc.messages import Disable
+    from gateway.exchange.commands import Disable
 
     command(
         config,

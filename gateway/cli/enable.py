@@ -20,7 +20,8 @@ def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> Non
 
         pitch-gateway enable gateway.toml x y
     """
-    from gateway.ipc.messages import Enable, GetStatus, Status
+    from gateway.exchange.commands import Enable
+    from gateway.ipc.messages import GetStatus, Status
 
     command(
         config,

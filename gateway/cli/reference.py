@@ -28,7 +28,7 @@ def reference(
 
         pitch-gateway reference gateway.toml x --yes
     """
-    from gateway.ipc.messages import SetReference
+    from gateway.exchange.commands import SetReference
 
     if not yes:
         _confirm(axis)

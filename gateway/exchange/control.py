@@ -1,11 +1,7 @@
-"""What may be asked of a running line: other tables or gains, compensation on or off, a reference.
-
-Each is one message, which is passed whole from whoever asks to :func:`carry_out`; what is done on the way
-there (a note in the journal, a line in a recording) is done with the message.
-"""
+"""What each command does to the axes of a line (:mod:`gateway.exchange.commands`)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 from gateway.compensation.correction_spec import spec_of_table
@@ -14,6 +10,20 @@ from gateway.compensation.settings import Gain, Setpoints
 from gateway.compensation.table import CorrectionTable
 from gateway.exchange.axis.state import Switched
 from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.commands import (
+    ClearTable,
+    Command,
+    Disable,
+    Enable,
+    EndDryRun,
+    SetGain,
+    SetLimits,
+    SetReference,
+    SetTable,
+    SetTemperature,
+    TableFor,
+    axes_of,
+)
 from gateway.exchange.limits import Limits, limits_of
 
 ROUNDING: Final = 1e-9
@@ -23,118 +33,45 @@ BLENDED: Final = "blended"
 NOT_IN_FORCE: Final = "not-in-force"
 
 
-@dataclass(frozen=True, slots=True)
-class TableChange:
-    """Another table for an axis; the texts are what the status shows of its file."""
-
-    axis: str
-    table: CorrectionTable
-    name: str
-    format: str
-    digest: str
-
-
-@dataclass(frozen=True, slots=True)
-class Switch:
-    """Apply the table of an axis and of its whole group, or stop to."""
-
-    axis: str
-    is_wanted: bool
-
-
-@dataclass(frozen=True, slots=True)
-class EndDryRun:
-    """Apply what an axis and its whole group only showed until now (``compensation = "shadow"``)."""
-
-    axis: str
-
-
-@dataclass(frozen=True, slots=True)
-class Declare:
-    """Take an axis as standing where its drive says."""
-
-    axis: str
-
-
-@dataclass(frozen=True, slots=True)
-class SetTables:
-    """Give axes other tables, all of them or none."""
-
-    changes: tuple[TableChange, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class ClearTable:
-    """Take the table of an axis and of its whole group away."""
-
-    axis: str
-
-
-@dataclass(frozen=True, slots=True)
-class SetGain:
-    """Apply another share of the tables of an axis and its whole group."""
-
-    axis: str
-    gain: Gain
-    is_configured: bool = False
-    """The configuration says so: of this axis alone, for those of a group may have different ones there."""
-
-
-@dataclass(frozen=True, slots=True)
-class SetLimits:
-    """Give an axis other limits, from now on."""
-
-    axis: str
-    limits: Limits
-
-
-@dataclass(frozen=True, slots=True)
-class SetTemperature:
-    """Tell an axis the temperature of its screw; it counts from its next different target on."""
-
-    axis: str
-    celsius: float
-
-
-Control = Switch | EndDryRun | Declare | SetTables | ClearTable | SetGain | SetLimits | SetTemperature
-
-
-def axes_asked(message: Control) -> tuple[str, ...]:
-    """Return the names of the axes that a message is for."""
-    if isinstance(message, SetTables):
-        return tuple(change.axis for change in message.changes)
-    return (message.axis,)
-
-
 class ControlError(Exception):
     """A request that cannot be followed; the message says why, and what to do."""
 
 
-def carry_out(axes: Sequence[Axis], message: Control, now_ns: int) -> dict[str, str]:
-    """Do what a message asks for; return the axes that changed, each with how that comes into force.
+def carry_out(
+    axes: Sequence[Axis], command: Command, now_ns: int, tables: Sequence[CorrectionTable] = ()
+) -> dict[str, str]:
+    """Do what a command asks for; return the axes that changed, each with how that comes into force.
 
-    That is "" where there is nothing to say about it. Nothing moves by itself.
+    That is "" where there is nothing to say about it. Nothing moves by itself. The command is for one axis,
+    or hands over ``tables``, one for each that it names.
 
     Raises:
         ControlError: why it cannot be, and what to do; nothing has changed then.
     """
-    match message:
-        case Switch():
-            return dict.fromkeys(switch(axes, message.axis, is_wanted=message.is_wanted), "")
+    if isinstance(command, SetTable):
+        return set_tables(axes, command.tables, tables)
+    [name] = axes_of(command)
+    match command:
+        case Enable() | Disable():
+            return dict.fromkeys(switch(axes, name, is_wanted=isinstance(command, Enable)), "")
         case EndDryRun():
-            return end_dry_run(axes, message.axis)
-        case Declare():
-            return dict.fromkeys(declare(axes, message.axis), "")
-        case SetTables():
-            return set_tables(axes, message.changes)
+            return end_dry_run(axes, name)
+        case SetReference():
+            return dict.fromkeys(declare(axes, name), "")
         case ClearTable():
-            return clear_table(axes, message.axis)
+            return clear_table(axes, name)
         case SetGain():
-            return set_gain(axes, message.axis, message.gain, is_configured=message.is_configured)
+            gain = Gain(command.forward, command.backward)
+            return set_gain(axes, name, gain, is_configured=command.is_configured)
         case SetLimits():
-            return dict.fromkeys(set_limits(axes, message.axis, message.limits), "")
+            return dict.fromkeys(set_limits(axes, name, limits_in(command)), "")
         case SetTemperature():
-            return dict.fromkeys(set_temperature(axes, message.axis, message.celsius, now_ns), "")
+            return dict.fromkeys(set_temperature(axes, name, command.celsius, now_ns), "")
+
+
+def limits_in(command: SetLimits) -> Limits:
+    """Return the limits that a command sets."""
+    return Limits(command.max_correction, command.max_slope, command.travel_margin, command.budget_us)
 
 
 def switch(axes: Sequence[Axis], name: str, *, is_wanted: bool) -> tuple[str, ...]:
@@ -199,7 +136,9 @@ def declare(axes: Sequence[Axis], name: str) -> tuple[str, ...]:
     return (name,)
 
 
-def set_tables(axes: Sequence[Axis], changes: Sequence[TableChange]) -> dict[str, str]:
+def set_tables(
+    axes: Sequence[Axis], wanted: Sequence[TableFor], tables: Sequence[CorrectionTable]
+) -> dict[str, str]:
     """Give axes other tables, all of them or none; return how each comes into force, by name.
 
     Nothing here walks over the points of a table.
@@ -207,19 +146,18 @@ def set_tables(axes: Sequence[Axis], changes: Sequence[TableChange]) -> dict[str
     Raises:
         ControlError: which axis cannot have its table, and why; nothing has changed then.
     """
-    members = [_group_of(axes, change.axis)[0] for change in changes]
-    for axis, change in zip(members, changes, strict=True):
-        _check_fits(axis, change.table)
+    members = [_group_of(axes, each.axis)[0] for each in wanted]
+    for axis, table in zip(members, tables, strict=True):
+        _check_fits(axis, table)
     _check_whole(members)
-    for axis, change in zip(members, changes, strict=True):
-        plan = axis.plan
+    for axis, each, table in zip(members, wanted, tables, strict=True):
         axis.adopt(
             replace(
-                plan,
-                table=change.table,
-                table_name=change.name,
-                table_format=change.format,
-                table_digest=change.digest,
+                axis.plan,
+                table=table,
+                table_name=each.file,
+                table_format=each.format,
+                table_digest=each.sha256,
             )
         )
     return {axis.plan.name: _comes(axis) for axis in members}
@@ -240,7 +178,7 @@ def clear_table(axes: Sequence[Axis], name: str) -> dict[str, str]:
 def set_gain(axes: Sequence[Axis], name: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
     """Apply another share of the tables of an axis and its whole group; return how each comes into force.
 
-    ``is_configured``: as in :class:`SetGain`.
+    ``is_configured``: as in :class:`~gateway.exchange.commands.SetGain`.
 
     Raises:
         ControlError: no such axis.

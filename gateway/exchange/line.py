@@ -15,6 +15,7 @@ late reply never answers the next request (W6), a dead unit is answered for (W11
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
+from gateway.compensation.table import CorrectionTable
 from gateway.exchange.added_frames import (
     AddedFrame,
     Purpose,
@@ -34,7 +35,8 @@ from gateway.exchange.axis.groups import join
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.axis.state import ON_WAY
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.control import Control, ControlError, EndDryRun, SetLimits, carry_out
+from gateway.exchange.commands import Command, EndDryRun, SetLimits
+from gateway.exchange.control import ControlError, carry_out
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.cut_line import CutLine, CuttingLine, Wire
 from gateway.exchange.cut_requests import leave_on
@@ -386,17 +388,19 @@ class LineExchange(CuttingLine):
         detail = f"the relay stood still for {gap_ns / NS_PER_S:.2f} s; what controllers gave up is not sent"
         self._on_event(Event(EventKind.STOOD_STILL, None, detail))
 
-    def control(self, message: Control, now_ns: int) -> dict[str, str]:
-        """Do what somebody outside asks for; see ``control.carry_out``. Raises ControlError."""
+    def command(
+        self, command: Command, now_ns: int, tables: Sequence[CorrectionTable] = ()
+    ) -> dict[str, str]:
+        """Do what a command asks for; see ``control.carry_out``. Raises ControlError."""
         current = self._current
-        if isinstance(message, EndDryRun) and current is not None and not current.only_reads:
-            raise ControlError(f"axis {message.axis} stays in shadow: {ON_THE_WIRE}")
+        if isinstance(command, EndDryRun) and current is not None and not current.only_reads:
+            raise ControlError(f"axis {command.axes[0]} stays in shadow: {ON_THE_WIRE}")
         for axis in self.axes:
             axis.settle_group(now_ns)
-        changed = carry_out(self.axes, message, now_ns)
-        if isinstance(message, SetLimits):
-            self.meter.set_budget(message.axis, message.limits.budget_us)
-        elif isinstance(message, EndDryRun):
+        changed = carry_out(self.axes, command, now_ns, tables)
+        if isinstance(command, SetLimits):
+            self.meter.set_budget(command.axis, command.budget_us)
+        elif isinstance(command, EndDryRun):
             self._units.forget_paths()
         self._report(self.axes)
         return changed

@@ -5,7 +5,8 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.ipc.messages import Done, Reply, Request, SetTable
+from gateway.exchange.commands import SetTable
+from gateway.ipc.messages import Done, Reply, Request
 from gateway.ipc.place import ROOT_UID
 
 

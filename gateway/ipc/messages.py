@@ -11,14 +11,13 @@ from typing import Annotated, Any, Final
 
 import msgspec
 
-VERSION: Final = 2
+from gateway.exchange.commands import VERSION, Command, Message
+
 MAX_REQUEST_BYTES: Final = 4096
 """Longer than the names of a hundred axes."""
 MAX_REPLY_BYTES: Final = 4_000_000
 
 
-MAX_TABLES: Final = 16
-"""In one message: the axes of a group are changed together, and nobody has more on one beam."""
 SHORTEST_INTERVAL_S: Final = 0.05
 LONGEST_INTERVAL_S: Final = 60.0
 DEFAULT_INTERVAL_S: Final = 0.2
@@ -30,45 +29,15 @@ class WrongMessageError(Exception):
     """Bytes that are no message of this version; the text says what was found and what to do."""
 
 
-class _Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What all messages have."""
-
-    version: int = VERSION
-
-
-class Ping(_Message, frozen=True, tag="ping", tag_field="kind"):
+class Ping(Message, frozen=True, tag="ping", tag_field="kind"):
     """Ask whether a gateway is there, and which."""
 
 
-class GetStatus(_Message, frozen=True, tag="status", tag_field="kind"):
+class GetStatus(Message, frozen=True, tag="status", tag_field="kind"):
     """Ask for the whole status."""
 
 
-class Enable(_Message, frozen=True, tag="enable", tag_field="kind"):
-    """Switch the compensation of axes on; no names: of all axes."""
-
-    axes: tuple[str, ...] = ()
-
-
-class Disable(_Message, frozen=True, tag="disable", tag_field="kind"):
-    """Switch the compensation of axes off; no names: of all axes."""
-
-    axes: tuple[str, ...] = ()
-
-
-class EndDryRun(_Message, frozen=True, tag="end-dry-run", tag_field="kind"):
-    """Apply what axes in shadow only showed; their configuration says ``on`` now."""
-
-    axes: tuple[str, ...]
-
-
-class SetReference(_Message, frozen=True, tag="reference", tag_field="kind"):
-    """Tell the gateway that an axis stands where its drive says."""
-
-    axis: str
-
-
-class Subscribe(_Message, frozen=True, tag="subscribe", tag_field="kind"):
+class Subscribe(Message, frozen=True, tag="subscribe", tag_field="kind"):
     """Ask to be told: a snapshot every ``interval_s``, and what happens as it happens.
 
     What happens brings the next snapshot forward. To ask again changes the interval.
@@ -79,86 +48,14 @@ class Subscribe(_Message, frozen=True, tag="subscribe", tag_field="kind"):
     )
 
 
-class GetTapes(_Message, frozen=True, tag="tapes", tag_field="kind"):
+class GetTapes(Message, frozen=True, tag="tapes", tag_field="kind"):
     """Ask for the tapes of all lines, to look into (``ipc.tape``)."""
 
 
-class TableFor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A table and its axis; its points are in the descriptor that stands at the same place."""
-
-    axis: str
-    file: str
-    format: str
-    sha256: str
-    """Of the file that it was read from."""
+Request = Command | Ping | GetStatus | Subscribe | GetTapes
 
 
-class SetTable(_Message, frozen=True, tag="set-table", tag_field="kind"):
-    """Hand over tables, all of them or none; on record by their digests."""
-
-    tables: Annotated[tuple[TableFor, ...], msgspec.Meta(min_length=1, max_length=MAX_TABLES)]
-
-
-class ClearTable(_Message, frozen=True, tag="clear-table", tag_field="kind"):
-    """Take the tables of axes away, and so their correction; axes of a group lose theirs together."""
-
-    axes: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
-
-
-Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
-
-
-class SetGain(_Message, frozen=True, tag="set-gain", tag_field="kind"):
-    """Apply another share of the tables, until the gateway is started again; no names: of all axes.
-
-    A command is for the whole group of an axis. What the configuration says (``is_configured``) is for each
-    axis alone.
-    """
-
-    forward: Share
-    backward: Share
-    axes: tuple[str, ...] = ()
-    is_configured: bool = False
-
-
-Limit = Annotated[float, msgspec.Meta(ge=0.0)]
-
-
-class SetLimits(_Message, frozen=True, tag="set-limits", tag_field="kind"):
-    """Give an axis other limits, in its units; those of its configuration, as long as the gateway runs."""
-
-    axis: str
-    max_correction: Limit
-    max_slope: Limit
-    travel_margin: Limit
-    budget_us: Limit
-
-
-class SetTemperature(_Message, frozen=True, tag="set-temperature", tag_field="kind"):
-    """Tell the temperature of the screw of an axis, in °C, as it is now."""
-
-    axis: str
-    celsius: float
-
-
-Request = (
-    Ping
-    | GetStatus
-    | Enable
-    | Disable
-    | EndDryRun
-    | SetReference
-    | Subscribe
-    | SetTable
-    | ClearTable
-    | SetGain
-    | SetLimits
-    | SetTemperature
-    | GetTapes
-)
-
-
-class Pong(_Message, frozen=True, tag="pong", tag_field="kind"):
+class Pong(Message, frozen=True, tag="pong", tag_field="kind"):
     """The gateway that answers."""
 
     name: str
@@ -168,42 +65,42 @@ class Pong(_Message, frozen=True, tag="pong", tag_field="kind"):
     """Digest of the plan that it runs, without its tables: only tables made for the same are for it."""
 
 
-class Status(_Message, frozen=True, tag="status", tag_field="kind"):
+class Status(Message, frozen=True, tag="status", tag_field="kind"):
     """The status model."""
 
     status: dict[str, Any]
 
 
-class Tapes(_Message, frozen=True, tag="tapes", tag_field="kind"):
+class Tapes(Message, frozen=True, tag="tapes", tag_field="kind"):
     """The lines whose tapes come with it, as descriptors, one for each and in their order."""
 
     lines: tuple[str, ...] = ()
 
 
-class Done(_Message, frozen=True, tag="done", tag_field="kind"):
+class Done(Message, frozen=True, tag="done", tag_field="kind"):
     """What a command did. Where there are ``problems``, each names an axis, the reason and what to do."""
 
     changed: tuple[str, ...] = ()
     """Names of the axes that changed: a group changes as one."""
     problems: tuple[str, ...] = ()
-    comes: dict[str, str] = {}
+    comes: dict[str, str] = msgspec.field(default_factory=dict)
     """How the new correction of an axis comes into force: ``next-target``, ``blended``, or ``not-in-force``
     where it waits for a reference or to be enabled."""
 
 
-class Refused(_Message, frozen=True, tag="refused", tag_field="kind"):
+class Refused(Message, frozen=True, tag="refused", tag_field="kind"):
     """The request was not understood; the gateway closes the connection after it."""
 
     reason: str
 
 
-class Subscribed(_Message, frozen=True, tag="subscribed", tag_field="kind"):
+class Subscribed(Message, frozen=True, tag="subscribed", tag_field="kind"):
     """From now on the connection is told."""
 
     interval_s: float
 
 
-class Snapshot(_Message, frozen=True, tag="snapshot", tag_field="kind"):
+class Snapshot(Message, frozen=True, tag="snapshot", tag_field="kind"):
     """The status model as it is now."""
 
     status: dict[str, Any]
@@ -211,7 +108,7 @@ class Snapshot(_Message, frozen=True, tag="snapshot", tag_field="kind"):
     """Snapshots and events that were not sent since the last message, because this listener was too slow."""
 
 
-class Happened(_Message, frozen=True, tag="happened", tag_field="kind"):
+class Happened(Message, frozen=True, tag="happened", tag_field="kind"):
     """An event, as it stands in the log."""
 
     event: str
@@ -242,8 +139,8 @@ _version_decoder: Final = msgspec.json.Decoder(_AnyVersion)
 def encode(message: Request | Reply) -> bytes:
     r"""Return a message as one line.
 
-    >>> encode(Enable(axes=("x",)))
-    b'{"kind":"enable","axes":["x"],"version":2}\n'
+    >>> encode(Subscribe(interval_s=1.0))
+    b'{"kind":"subscribe","interval_s":1.0,"version":2}\n'
     """
     return _encoder.encode(message) + b"\n"
 

@@ -5,6 +5,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.exchange.access import ACCESS
+from gateway.exchange.commands import Command, SetGain, SetTable, SetTemperature, axes_of
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc import traffic
 from gateway.ipc.plan import GatewayPlan
@@ -98,16 +99,8 @@ class Reader:
                 return "          ← bytes that answer nothing" + (
                     " (a whole frame)" if entry.is_frame else ""
                 )
-            case traffic.Control():
-                return f"command {entry.command} {entry.axis}"
-            case traffic.Tables():
-                return f"command set-table {', '.join(f'{each.axis} {each.file}' for each in entry.tables)}"
-            case traffic.Share():
-                return f"command set-gain {entry.axis} {entry.forward:g} {entry.backward:g}"
-            case traffic.Limits():
-                return f"command set-limits {entry.axis}"
-            case traffic.Temperature():
-                return f"command set-temperature {entry.axis} {entry.celsius:g} °C"
+            case traffic.Commanded(command=command):
+                return f"command {_command_words(command)}"
             case _:
                 return PLAIN[type(entry)]
 
@@ -142,6 +135,19 @@ class Reader:
                 yield from _found(axes, access.write_address, access.words(asked), FieldAccess.READ)
         elif access.read_quantity and not access.is_mei and len(pdu) == 2 + 2 * access.read_quantity:
             yield from _found(axes, access.read_address, pdu[2:], FieldAccess.WRITE)
+
+
+def _command_words(command: Command) -> str:
+    match command:
+        case SetTable(tables=tables):
+            more = ", ".join(f"{each.axis} {each.file}" for each in tables)
+        case SetGain():
+            more = f"{' '.join(command.axes)} {command.forward:g} {command.backward:g}"
+        case SetTemperature():
+            more = f"{command.axis} {command.celsius:g} °C"
+        case _:
+            more = " ".join(axes_of(command))
+    return f"{traffic.kind_of(command)} {more}"
 
 
 def _found(axes: Sequence[AxisPlan], address: int, data: bytes, unless: FieldAccess) -> Iterator[str]:

@@ -10,18 +10,17 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from gateway.exchange.commands import MAX_TABLES, SetTable
 from gateway.ipc.desk import Desk
 from gateway.ipc.listener import Listener
 from gateway.ipc.messages import (
     MAX_REQUEST_BYTES,
-    MAX_TABLES,
     GetStatus,
     GetTapes,
     Ping,
     Refused,
     Reply,
     Request,
-    SetTable,
     Subscribe,
     Subscribed,
     Tapes,

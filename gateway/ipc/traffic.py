@@ -8,6 +8,20 @@ from typing import Final
 
 import msgspec
 
+from gateway.exchange.commands import (
+    ClearTable,
+    Command,
+    Disable,
+    Enable,
+    EndDryRun,
+    SetGain,
+    SetLimits,
+    SetReference,
+    SetTable,
+    SetTemperature,
+    TableFor,
+)
+
 FORMAT: Final = 2
 CAPTURED: Final = 3
 """Format of a capture: it begins anywhere, and is replayed from the first beginning of each line on."""
@@ -112,14 +126,24 @@ class Stop(_Input, frozen=True, tag="stop"):
     """The gateway stops."""
 
 
-class Control(_Input, frozen=True, tag="control"):
+class Commanded(_Input, frozen=True, tag="command", omit_defaults=True):
+    """A command that reached the line, with the tables that it handed over in their compiled form."""
+
+    command: Command
+    tables: tuple[bytes, ...] = ()
+
+
+# --- commands as releases up to 1.0.0 recorded them
+
+
+class _OldControl(_Input, frozen=True, tag="control"):
     """A person's command: ``enable``, ``disable``, ``end-dry-run``, ``reference`` or ``clear-table``."""
 
     command: str
     axis: str
 
 
-class Table(msgspec.Struct, frozen=True):
+class _OldTable(msgspec.Struct, frozen=True):
     """A table as it was handed over; ``data`` is its compiled form."""
 
     axis: str
@@ -129,13 +153,13 @@ class Table(msgspec.Struct, frozen=True):
     data: bytes
 
 
-class Tables(_Input, frozen=True, tag="tables"):
+class _OldTables(_Input, frozen=True, tag="tables"):
     """Tables that were handed over together."""
 
-    tables: tuple[Table, ...]
+    tables: tuple[_OldTable, ...]
 
 
-class Share(_Input, frozen=True, tag="gain"):
+class _OldGain(_Input, frozen=True, tag="gain"):
     """Another gain for an axis and its group, or for the axis alone."""
 
     axis: str
@@ -144,7 +168,7 @@ class Share(_Input, frozen=True, tag="gain"):
     is_alone: bool = False
 
 
-class Limits(_Input, frozen=True, tag="limits"):
+class _OldLimits(_Input, frozen=True, tag="limits"):
     """Other limits for an axis, in its units."""
 
     axis: str
@@ -154,11 +178,54 @@ class Limits(_Input, frozen=True, tag="limits"):
     budget_us: float
 
 
-class Temperature(_Input, frozen=True, tag="temperature"):
+class _OldTemperature(_Input, frozen=True, tag="temperature"):
     """The temperature of the screw of an axis, in °C."""
 
     axis: str
     celsius: float
+
+
+_Old = _OldControl | _OldTables | _OldGain | _OldLimits | _OldTemperature
+
+
+def as_command(entry: "Commanded | _Old") -> Commanded:
+    """Return an entry of an old recording as it is recorded now. Raises WrongEntryError."""
+    match entry:
+        case Commanded():
+            return entry
+        case _OldTables(tables=tables):
+            named = tuple(TableFor(each.axis, each.file, each.format, each.sha256) for each in tables)
+            data = tuple(each.data for each in tables)
+            return Commanded(entry.line, entry.t, SetTable(tables=named), data)
+        case _OldGain(axis=axis, forward=forward, backward=backward):
+            command: Command = SetGain(
+                axes=(axis,), forward=forward, backward=backward, is_configured=entry.is_alone
+            )
+        case _OldLimits(axis=axis):
+            command = SetLimits(
+                axis=axis,
+                max_correction=entry.max_correction,
+                max_slope=entry.max_slope,
+                travel_margin=entry.travel_margin,
+                budget_us=entry.budget_us,
+            )
+        case _OldTemperature(axis=axis, celsius=celsius):
+            command = SetTemperature(axis=axis, celsius=celsius)
+        case _OldControl(command="reference", axis=axis):
+            command = SetReference(axis=axis)
+        case _OldControl(command=name, axis=axis) if name in _OLD_NAMES:
+            command = _OLD_NAMES[name](axes=(axis,))
+        case _OldControl(command=name):
+            raise WrongEntryError(f"the command {name!r} is not known; replay it with a newer release")
+    return Commanded(entry.line, entry.t, command)
+
+
+_OLD_NAMES: Final = {
+    "enable": Enable,
+    "disable": Disable,
+    "end-dry-run": EndDryRun,
+    "clear-table": ClearTable,
+}
 
 
 class AxisAt(msgspec.Struct, frozen=True):
@@ -181,7 +248,7 @@ class Beginning(_Input, frozen=True, tag="beginning"):
     is_up: bool
     boot: bytes = b""
     """Which boot of the machine its times are of, as the records have it."""
-    controls: tuple["ControlInput", ...] = ()
+    controls: tuple["Commanded | _Old", ...] = ()
     """What somebody outside has changed since the start, as far as it is still in force."""
     up_ns: int = 0
     """When the link to the drives came up last."""
@@ -230,16 +297,24 @@ class End(_Entry, frozen=True, tag="end"):
     entries: int
 
 
-ControlInput = Control | Tables | Share | Limits | Temperature
-"""What somebody outside asked of a line (``exchange.control``)."""
 Input = (
-    Request | Gone | Reply | Stray | RestFirst | Up | Down | Unframed | Tick | Stop | Beginning | ControlInput
+    Request | Gone | Reply | Stray | RestFirst | Up | Down | Unframed | Tick | Stop | Beginning | Commanded
 )
 Output = Sent | Abandoned | Answered
 Entry = Header | Input | Output | Port | End
 
+
+def kind_of(struct: Entry | Command) -> str:
+    """Return by what name an entry or a command is recorded.
+
+    >>> kind_of(RestFirst("xyz", 7)), kind_of(Enable())
+    ('rest-first', 'enable')
+    """
+    return str(struct.__struct_config__.tag)
+
+
 _encoder: Final = msgspec.json.Encoder()
-_decoder: Final = msgspec.json.Decoder(Entry)
+_decoder: Final = msgspec.json.Decoder(Entry | _Old)
 
 
 def encode(entry: Entry) -> bytes:
@@ -254,7 +329,7 @@ def encode(entry: Entry) -> bytes:
 def decode(line: bytes) -> Entry:
     """Read one line. Raises WrongEntryError."""
     try:
-        entry: Entry = _decoder.decode(line)
+        entry: Entry | _Old = _decoder.decode(line)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise WrongEntryError(f"no entry of a recording: {error}") from None
-    return entry
+    return as_command(entry) if isinstance(entry, _Old) else entry

@@ -3,7 +3,8 @@
 import asyncio
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -13,40 +14,62 @@ import gateway
 from gateway.catalogue import process_events as processes
 from gateway.catalogue import table_events as tables
 from gateway.clock import boot_ns
+from gateway.compensation.table import CorrectionTable
 from gateway.compiled import is_compiled
 from gateway.exchange.axis.groups import join_terms
 from gateway.exchange.axis.record import FindTable
-from gateway.exchange.control import (
+from gateway.exchange.commands import (
     ClearTable,
-    Control,
-    ControlError,
-    Declare,
+    Command,
+    Disable,
+    Enable,
     EndDryRun,
     SetGain,
     SetLimits,
-    SetTables,
+    SetReference,
+    SetTable,
     SetTemperature,
-    Switch,
-    TableChange,
-    axes_asked,
+    TableFor,
+    axes_of,
+    for_axis,
 )
+from gateway.exchange.control import ControlError, limits_in
 from gateway.exchange.latency_status import BOUNDS_US
 from gateway.exchange.line import LineExchange
 from gateway.ipc.compiled_plan import find_table as find_table_in
 from gateway.ipc.compiled_plan import shape_of
+from gateway.ipc.compiled_table import (
+    HEADER_BYTES,
+    MAX_POINTS,
+    POINT_BYTES,
+    WrongTableError,
+    check_points,
+    mapped,
+)
 from gateway.ipc.desk import Desk
 from gateway.ipc.folder_problems import why_open_to_others
-from gateway.ipc.messages import Happened
+from gateway.ipc.messages import (
+    Done,
+    GetStatus,
+    GetTapes,
+    Happened,
+    Ping,
+    Pong,
+    Refused,
+    Reply,
+    Request,
+    Status,
+    Subscribe,
+)
 from gateway.ipc.notes import Note
 from gateway.ipc.place import ROOT_UID, SocketError
 from gateway.ipc.plan import GatewayPlan, RelayOptions
+from gateway.ipc.sealed_memory import NotSealedError, map_sealed
 from gateway.ipc.server import ControlServer
 from gateway.limits import Reports
 from gateway.relay.activity import Activity
 from gateway.relay.collecting import Collecting
-from gateway.relay.control import answer
 from gateway.relay.errors import StartError
-from gateway.relay.handover import hand_over
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping
 from gateway.relay.line import Line
@@ -58,6 +81,8 @@ from gateway.transport.endpoints import TcpEndpoint
 
 TURN_EVERY_S: Final = 5.0
 """Each line lets its marks of the last minute grow old, whether somebody looks at them or not."""
+LARGEST_BYTES: Final = HEADER_BYTES + MAX_POINTS * POINT_BYTES
+"""Of the table of one axis."""
 _Result = TypeVar("_Result")
 
 
@@ -193,57 +218,112 @@ class Relay:
         await asyncio.gather(*(line.stop() for line in self._lines))
         await self._close_rest(owes_silence=any(line.owes_silence for line in self._lines))
 
-    def control(self, message: Control) -> dict[str, str]:
-        """Do what somebody outside asks for; return the axes that changed, each with how it comes into force.
+    def answer(self, request: Request) -> Reply:
+        """Do what a request of the socket asks for."""
+        match request:
+            case Ping():
+                version, pid = gateway.__version__, os.getpid()
+                return Pong(name=self.name, gateway_version=version, pid=pid, shape=self._shape)
+            case GetStatus():
+                return Status(status=dict(self.status()))
+            case Subscribe() | GetTapes() | SetTable():
+                return Refused(reason="this is answered where the connection is")  # and never comes here
+            case _:
+                return self._command_each(request)
+
+    def _command_each(self, command: Command) -> Done:
+        """Ask it of each axis; one that cannot do it does not keep the others from it."""
+        changed: dict[str, str] = {}
+        problems: list[str] = []
+        for axis in axes_of(command) or self.axes:
+            try:
+                changed |= self.command(for_axis(command, axis))
+            except ControlError as error:
+                problems.append(str(error))
+        comes = {axis: how for axis, how in changed.items() if how}
+        return Done(changed=tuple(changed), problems=tuple(problems), comes=comes)
+
+    async def take_tables(self, command: SetTable, descriptors: Sequence[int]) -> Done:
+        """Map the tables of a command and put them into force, all of them or none.
+
+        Frames pass while the points are compared with their digest. The descriptors stay the caller's.
+        """
+        try:
+            with self._activity.of("a table"):
+                pairs = zip(command.tables, descriptors, strict=True)
+                found = [self._mapped(wanted, descriptor) for wanted, descriptor in pairs]
+            for wanted, (_, data) in zip(command.tables, found, strict=True):
+                with _refused_for(wanted.axis):
+                    await asyncio.to_thread(check_points, data)
+            with self._activity.of("a table"):
+                comes = self.command(command, [table for table, _ in found])
+        except ControlError as error:
+            self._note_refused(str(error))
+            return Done(problems=(str(error),))
+        return Done(changed=tuple(comes), comes=comes)
+
+    def _mapped(self, wanted: TableFor, descriptor: int) -> tuple[CorrectionTable, memoryview]:
+        """Return a table by its header, and its bytes: the points have still to be looked at."""
+        self._line_of(wanted.axis)
+        with _refused_for(wanted.axis):
+            data = map_sealed(descriptor, LARGEST_BYTES)
+            return mapped(data), data
+
+    def command(self, command: Command, tables: Sequence[CorrectionTable] = ()) -> dict[str, str]:
+        """Carry out a command for one axis, or the tables of several on one line.
+
+        Returns:
+            The axes that changed, each with how that comes into force.
 
         Raises:
             ControlError: why it cannot be, and what to do; nothing has changed then.
         """
-        lines = {id(line): line for line in map(self._line_of, axes_asked(message))}
+        lines = {id(line): line for line in map(self._line_of, axes_of(command))}
         if len(lines) > 1:
             raise ControlError("tables for axes of several lines: send a message for each line")
         [line] = lines.values()
-        changed = line.control(message)
+        changed = line.command(command, tables)
         if changed:
-            self._note_control(message, changed)
+            self._note_command(command, changed, tables)
         return changed
 
-    def _note_control(self, message: Control, changed: dict[str, str]) -> None:
-        """Put it on record that somebody changed something; not of each temperature."""
+    def _note_command(
+        self, command: Command, changed: dict[str, str], loaded: Sequence[CorrectionTable]
+    ) -> None:
+        """Put it on record that a command changed something; not of each temperature."""
         more: dict[str, object] = {}
         by = "by a command"
-        match message:
-            case Switch():
-                what = tables.ENABLED if message.is_wanted else tables.DISABLED
+        match command:
+            case Enable():
+                what = tables.ENABLED
+            case Disable():
+                what = tables.DISABLED
             case EndDryRun():
                 what = tables.DRY_RUN_ENDED
-            case Declare():
+            case SetReference():
                 what = tables.REFERENCED
             case ClearTable():
                 what, by = tables.TABLE_REMOVED, "its file is gone, or the configuration names none"
             case SetGain():
-                what, more = tables.GAIN_CHANGED, asdict(message.gain)
+                what, more = tables.GAIN_CHANGED, {"forward": command.forward, "backward": command.backward}
             case SetLimits():
-                what, more = tables.LIMITS_CHANGED, asdict(message.limits)
-            case SetTables():
-                for change in message.changes:
-                    self._note_table(change, changed[change.axis])
+                what, more = tables.LIMITS_CHANGED, asdict(limits_in(command))
+            case SetTable():
+                for wanted, table in zip(command.tables, loaded, strict=True):
+                    self._journal.note(
+                        tables.TABLE_ACTIVATED,
+                        axis=wanted.axis,
+                        table=wanted.file,
+                        points=len(table.positions),
+                        comes=changed[wanted.axis],
+                        detail="handed over",
+                    )
                 return
             case SetTemperature():
                 return
         self._journal.note(what, axes=list(changed), **more, detail=by)
 
-    def _note_table(self, change: TableChange, comes: str) -> None:
-        self._journal.note(
-            tables.TABLE_ACTIVATED,
-            axis=change.axis,
-            table=change.name,
-            points=len(change.table.positions),
-            comes=comes,
-            detail="handed over",
-        )
-
-    def note_refused(self, detail: str) -> None:
+    def _note_refused(self, detail: str) -> None:
         """Put it on record that a table was refused; not more than once a minute."""
         if sentence := self._refused_tables.sentence("table", detail, time.monotonic_ns()):
             self._journal.note(tables.TABLE_REFUSED, detail=sentence)
@@ -337,7 +417,10 @@ class Relay:
         return [line.exchange for line in self._lines]
 
     def _line_of(self, axis: str) -> Line:
-        return next(line for line in self._lines if axis in (plan.name for plan in line.plan.axes))
+        for line in self._lines:
+            if axis in (plan.name for plan in line.plan.axes):
+                return line
+        raise ControlError(f"axis {axis}: there is none of that name; there are {', '.join(self.axes)}")
 
     def _start_recorder(self) -> list[str]:
         if self._recorder is None:
@@ -356,8 +439,8 @@ class Relay:
             return []
         try:
             desk = Desk(
-                answer=partial(self._named, "a command", partial(answer, self)),
-                hand_over=partial(hand_over, self, partial(self._activity.of, "a table")),
+                answer=partial(self._named, "a command", self.answer),
+                hand_over=self.take_tables,
                 status=self.status,
                 tapes=self._tapes,
                 complain=lambda detail: self._journal.note(processes.SOCKET_REFUSED, detail=detail),
@@ -398,3 +481,11 @@ class Relay:
             await self._control.close(is_finished=not owes_silence)
         if self._recorder is not None:
             await self._recorder.stop()
+
+
+@contextmanager
+def _refused_for(axis: str) -> Iterator[None]:
+    try:
+        yield
+    except (NotSealedError, WrongTableError) as error:
+        raise ControlError(f"the table for axis {axis}: {error}") from None

@@ -19,17 +19,19 @@ from gateway.catalogue.line_events import (
 )
 from gateway.clock import boot_ns
 from gateway.compensation.settings import Gain
+from gateway.compensation.table import CorrectionTable
 from gateway.exchange.axis.record import FindTable
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.control import (
+from gateway.exchange.commands import (
     ClearTable,
-    Control,
-    Declare,
+    Command,
     EndDryRun,
     SetGain,
     SetLimits,
-    SetTables,
+    SetTable,
+    axes_of,
 )
+from gateway.exchange.control import limits_in
 from gateway.exchange.cut_line import Wire
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.limits import limits_of
@@ -38,6 +40,7 @@ from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.exchange.ports import OwnUnit
 from gateway.exchange.status import axes_status, line_status
 from gateway.ipc import traffic
+from gateway.ipc.compiled_table import compiled
 from gateway.ipc.plan import LinePlan
 from gateway.ipc.tape import Tape
 from gateway.relay.activity import Activity
@@ -48,7 +51,7 @@ from gateway.relay.front import Front, make_front, wire_of
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping, keep_port
 from gateway.relay.last_minute import LastMinute
-from gateway.relay.recorded import FileSink, RecordedExchange, RecordedLink, Sink, TapeSink, entry_of
+from gateway.relay.recorded import FileSink, RecordedExchange, RecordedLink, Sink, TapeSink
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
 from gateway.relay.watchdog import STUCK_NS
@@ -106,7 +109,7 @@ class Line:
         )
         self._link.attach(self._timed)
         self._timed.count_bytes = lambda: self._link.bytes_received
-        self._in_force: dict[tuple[str, str], traffic.ControlInput] = {}
+        self._in_force: dict[tuple[str, tuple[str, ...]], traffic.Commanded] = {}
         """What somebody outside has changed since the start, for the tape."""
         self._records: dict[str, AxisRecord] = {}
         self._loaded_at = {axis.name: _now() for axis in plan.axes if axis.table is not None}
@@ -309,29 +312,26 @@ class Line:
             of_axis["table"] = {**of_axis["table"], "loaded_at": self._loaded_at.get(name)}
         return status
 
-    def control(self, message: Control) -> dict[str, str]:
-        """Do what somebody outside asks for; see ``exchange.control.carry_out``. Raises ControlError."""
-        changed = self._timed.control(message, boot_ns())
-        if self.tape is not None and not isinstance(message, Declare):
-            self._keep_in_force(entry_of(message, self.plan.name, boot_ns()))
-        match message:
-            case SetTables():
+    def command(self, command: Command, tables: Sequence[CorrectionTable] = ()) -> dict[str, str]:
+        """Do what a command asks for; see ``exchange.control.carry_out``. Raises ControlError."""
+        changed = self._timed.command(command, boot_ns(), tables)
+        if self.tape is not None and command.stays:
+            self._keep_in_force(command, tables)
+        match command:
+            case SetTable():
                 self._loaded_at |= dict.fromkeys(changed, _now())
             case ClearTable():
                 for name in changed:
                     self._loaded_at.pop(name, None)
-            case SetGain(axis=axis, is_configured=True):
-                self._configured[axis] = {**self._configured[axis], "gain": _shares(message.gain)}
+            case SetGain(axes=(axis,), is_configured=True):
+                self._configured[axis] |= {"gain": _shares(Gain(command.forward, command.backward))}
             case EndDryRun():
                 for axis in changed:
-                    self._configured[axis] = {
-                        **self._configured[axis],
-                        "compensation": CompensationMode.ON.value,
-                    }
+                    self._configured[axis] |= {"compensation": CompensationMode.ON.value}
                     if axis in self._records:
                         self._records[axis].begin()
             case SetLimits(axis=axis):
-                self._configured[axis] = {**self._configured[axis], **asdict(message.limits)}
+                self._configured[axis] |= asdict(limits_in(command))
         return changed
 
     async def _open(self, way: Front | SerialPort | TcpConnector, key: str, problems: list[str]) -> None:
@@ -372,15 +372,12 @@ class Line:
             state.has_closed_soon,
         )
 
-    def _keep_in_force(self, entry: traffic.ControlInput) -> None:
+    def _keep_in_force(self, command: Command, tables: Sequence[CorrectionTable]) -> None:
         """Keep what was changed last, of each kind for each axis."""
-        axes = tuple(table.axis for table in entry.tables) if isinstance(entry, traffic.Tables) else ()
-        what = type(entry).__name__
-        if isinstance(entry, traffic.Control):
-            what = "Tables" if entry.command == "clear-table" else "switch"
-        key = what, ",".join(axes) if isinstance(entry, traffic.Tables) else entry.axis
+        key = command.stays, axes_of(command)
         self._in_force.pop(key, None)
-        self._in_force[key] = entry
+        data = tuple(map(compiled, tables))
+        self._in_force[key] = traffic.Commanded(self.plan.name, boot_ns(), command, data)
 
     def _make_drives(self) -> SerialPort | TcpConnector:
         endpoint, link = self.plan.drives, self._link

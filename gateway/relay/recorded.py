@@ -1,29 +1,16 @@
 """A line's exchange with a listener at its border: every input with its time, then what it caused."""
 
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
 
-from gateway.compensation.settings import Gain
+from gateway.compensation.table import CorrectionTable
 from gateway.compiled import mypyc_attr
-from gateway.exchange.control import (
-    ClearTable,
-    Control,
-    Declare,
-    EndDryRun,
-    SetGain,
-    SetLimits,
-    SetTables,
-    SetTemperature,
-    Switch,
-    TableChange,
-)
+from gateway.exchange.commands import Command
 from gateway.exchange.cut_line import RequestCutter, Wire
-from gateway.exchange.limits import Limits
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.ipc import traffic
 from gateway.ipc.capture import frame_entry
-from gateway.ipc.compiled_table import checked, compiled
+from gateway.ipc.compiled_table import compiled
 from gateway.ipc.tape import ABANDONED, ANSWERED, REPLY, REQUEST, SENT, TEXT, TICK, Raw, Tape, ids_of
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
@@ -300,10 +287,12 @@ class RecordedExchange(TimedExchange):
         self._sink.entry(traffic.Stop(self._line, now_ns))
         await super().stop(now_ns, timeout_s)
 
-    def control(self, message: Control, now_ns: int) -> dict[str, str]:
-        """See ``TimedExchange``."""
-        self._sink.entry(entry_of(message, self._line, now_ns))
-        return super().control(message, now_ns)
+    def command(
+        self, command: Command, now_ns: int, tables: Sequence[CorrectionTable] = ()
+    ) -> dict[str, str]:
+        """See ``TimedExchange``. Of tables all points are kept, or nobody could replay it."""
+        self._sink.entry(traffic.Commanded(self._line, now_ns, command, tuple(map(compiled, tables))))
+        return super().command(command, now_ns, tables)
 
     def _beat(self) -> None:
         self._sink.show()
@@ -327,56 +316,3 @@ class RecordedExchange(TimedExchange):
         return traffic.Request(
             self._line, now_ns, port.number, name, transaction_id, unit_id, pdu.hex(), peer, role, why
         )
-
-
-def entry_of(message: Control, line: str, now_ns: int) -> traffic.ControlInput:
-    """Return what a recording says of a message; of tables all points, or nobody could replay it."""
-    match message:
-        case Switch(axis=axis):
-            return traffic.Control(line, now_ns, "enable" if message.is_wanted else "disable", axis)
-        case EndDryRun(axis=axis):
-            return traffic.Control(line, now_ns, "end-dry-run", axis)
-        case Declare(axis=axis):
-            return traffic.Control(line, now_ns, "reference", axis)
-        case ClearTable(axis=axis):
-            return traffic.Control(line, now_ns, "clear-table", axis)
-        case SetTables(changes=changes):
-            tables = [
-                traffic.Table(each.axis, each.name, each.format, each.digest, compiled(each.table))
-                for each in changes
-            ]
-            return traffic.Tables(line, now_ns, tuple(tables))
-        case SetGain(axis=axis, gain=gain):
-            return traffic.Share(line, now_ns, axis, gain.forward, gain.backward, message.is_configured)
-        case SetLimits(axis=axis):
-            return traffic.Limits(line, now_ns, axis, **asdict(message.limits))
-        case SetTemperature(axis=axis):
-            return traffic.Temperature(line, now_ns, axis, message.celsius)
-
-
-def message_of(entry: traffic.ControlInput) -> Control | None:
-    """Return the message that a recording tells of; None where it is of a command that is not known.
-
-    Raises:
-        WrongTableError: a table in it is of another release.
-    """
-    match entry:
-        case traffic.Tables():
-            found = [TableChange(t.axis, checked(t.data), t.file, t.format, t.sha256) for t in entry.tables]
-            return SetTables(tuple(found))
-        case traffic.Share(axis=axis):
-            return SetGain(axis, Gain(entry.forward, entry.backward), entry.is_alone)
-        case traffic.Limits(axis=axis):
-            limits = (entry.max_correction, entry.max_slope, entry.travel_margin, entry.budget_us)
-            return SetLimits(axis, Limits(*limits))
-        case traffic.Temperature(axis=axis):
-            return SetTemperature(axis, entry.celsius)
-        case traffic.Control(command="enable" | "disable", axis=axis):
-            return Switch(axis, is_wanted=entry.command == "enable")
-        case traffic.Control(command="end-dry-run", axis=axis):
-            return EndDryRun(axis)
-        case traffic.Control(command="reference", axis=axis):
-            return Declare(axis)
-        case traffic.Control(command="clear-table", axis=axis):
-            return ClearTable(axis)
-    return None

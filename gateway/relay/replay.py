@@ -11,17 +11,17 @@ from gateway.exchange.axis.groups import join_terms
 from gateway.exchange.axis.record import Record, digest_of_axis
 from gateway.exchange.axis.record_layout import RECORD_SIZE, RecordSlots
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.control import ControlError, Declare
+from gateway.exchange.commands import SetReference
+from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, DriveLink, OwnUnit
 from gateway.ipc import traffic
-from gateway.ipc.compiled_table import WrongTableError
+from gateway.ipc.compiled_table import WrongTableError, checked
 from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable
-from gateway.relay.recorded import message_of
 from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
@@ -154,8 +154,8 @@ class _Line(DriveLink):
                 exchange.stop(entry.t)
             case traffic.Beginning():
                 pass  # it has begun already
-            case _:
-                self._control(entry)
+            case traffic.Commanded():
+                self._command(entry)
 
     def begin(self, known: traffic.Beginning) -> None:
         """Go on from what is known at one moment, as a gateway goes on after a restart.
@@ -170,11 +170,11 @@ class _Line(DriveLink):
             if axis.plan.name in places:
                 _recall(axis, places[axis.plan.name], known.boot)
         for entry in known.controls:
-            self._control(entry)
+            self._command(traffic.as_command(entry))
         for at in known.axes:
             if at.is_referenced and at.axis in {axis.plan.name for axis in self.axes}:
                 with contextlib.suppress(ControlError):  # a drive's homed bit tells it
-                    self._exchange.control(Declare(at.axis), known.t)
+                    self._exchange.command(SetReference(axis=at.axis), known.t)
         if known.is_up:
             # The first read, of a homed bit, is as old as it was then: by that it is asked for again.
             seen_ns = [at.reference_seen_ns for at in known.axes if at.reference_seen_ns]
@@ -199,17 +199,14 @@ class _Line(DriveLink):
         else:
             self._exchange.link_down(entry.t, entry.reason, is_orderly=entry.is_orderly)
 
-    def _control(self, entry: traffic.ControlInput) -> None:
+    def _command(self, entry: traffic.Commanded) -> None:
         try:
-            message = message_of(entry)
+            tables = tuple(map(checked, entry.tables))
         except WrongTableError as error:
             raise ReplayError(f"a table in the recording: {error}; replay it with its own release") from None
-        if message is None:
-            command = entry.command if isinstance(entry, traffic.Control) else ""
-            raise ReplayError(f"the command {command!r} is not known; replay it with a newer release")
         # Refused now: as it was refused then, when it changed nothing either, or of another configuration.
         with contextlib.suppress(ControlError):
-            self._exchange.control(message, entry.t)
+            self._exchange.command(entry.command, entry.t, tables)
 
     def _port(self, entry: traffic.Request) -> _Port:
         port = self._ports.get(entry.port)

@@ -4,12 +4,13 @@ Everything that reaches the exchange comes through here, so its next deadline is
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from gateway.clock import boot_ns
+from gateway.compensation.table import CorrectionTable
 from gateway.compiled import mypyc_attr
-from gateway.exchange.control import Control
+from gateway.exchange.commands import Command
 from gateway.exchange.cut_line import CutLine, RequestCutter, Wire
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort
@@ -101,9 +102,11 @@ class TimedExchange(Requests):
         """Note bytes of the drives of which no frame was made yet."""
         self._exchange.unframed()
 
-    def control(self, message: Control, now_ns: int) -> dict[str, str]:
-        """Do what somebody outside asks for; see ``LineExchange``. Raises ControlError."""
-        changed = self._exchange.control(message, now_ns)
+    def command(
+        self, command: Command, now_ns: int, tables: Sequence[CorrectionTable] = ()
+    ) -> dict[str, str]:
+        """Do what a command asks for; see ``LineExchange``. Raises ControlError."""
+        changed = self._exchange.command(command, now_ns, tables)
         self._settle()
         return changed
 

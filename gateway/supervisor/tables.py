@@ -16,26 +16,13 @@ from gateway.config.last_good import Settled, Source, settle
 from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
 from gateway.config.tables_folder import what_is_strange
+from gateway.exchange.commands import ClearTable, EndDryRun, SetGain, SetLimits, SetTable, TableFor
 from gateway.exchange.limits import limits_of
 from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
 from gateway.ipc.compiled_plan import CompiledPlan, TablesFolder, last_plan, shape_of, write_tables
 from gateway.ipc.compiled_table import digest_of
-from gateway.ipc.messages import (
-    ClearTable,
-    Done,
-    EndDryRun,
-    GetStatus,
-    Ping,
-    Pong,
-    Reply,
-    Request,
-    SetGain,
-    SetLimits,
-    SetTable,
-    Status,
-    TableFor,
-)
+from gateway.ipc.messages import Done, GetStatus, Ping, Pong, Reply, Request, Status
 from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.plan import LinePlan
 from gateway.ipc.sealed_memory import seal

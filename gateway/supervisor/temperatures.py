@@ -12,8 +12,9 @@ from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.sensor_events import TEMPERATURE_NOT_READ, TEMPERATURE_WRONG
 from gateway.config.sections import Sections
 from gateway.config.terms_model import TemperatureSource
+from gateway.exchange.commands import SetTemperature
 from gateway.ipc.client import NoGatewayError
-from gateway.ipc.messages import Done, Reply, Request, SetTemperature
+from gateway.ipc.messages import Done, Reply, Request
 from gateway.supervisor.aside import aside
 from gateway.supervisor.saying import Say
 

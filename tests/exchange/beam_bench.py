@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from gateway.compensation.settings import Gain
-from gateway.exchange.control import SetGain, Switch
+from gateway.exchange.commands import Disable, Enable, SetGain
 from gateway.exchange.plan import AxisPlan
 from gateway.exchange.status import axis_status
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
@@ -117,10 +116,10 @@ class BeamBench(Bench):
         return [len(drive.moves) for drive in self.drives.values()]
 
     def switch(self, *, is_wanted: bool) -> None:
-        self.line.control(Switch("y1", is_wanted), self.now_ns)
+        self.line.command(Enable(axes=("y1",)) if is_wanted else Disable(axes=("y1",)), self.now_ns)
 
     def gain(self, share: float) -> None:
-        self.line.control(SetGain("y1", Gain(share, share)), self.now_ns)
+        self.line.command(SetGain(axes=("y1",), forward=share, backward=share), self.now_ns)
 
     def group(self, name: str = "y1") -> dict[str, Any]:
         """What the status says of the group of an axis."""

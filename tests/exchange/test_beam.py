@@ -10,7 +10,8 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.axis.beam import BEAM_AFTER, BeamEvent, BeamState
-from gateway.exchange.control import ClearTable, ControlError, EndDryRun, SetTables, TableChange
+from gateway.exchange.commands import ClearTable, EndDryRun, SetTable, TableFor
+from gateway.exchange.control import ControlError
 from gateway.exchange.plan import CompensationMode, Reference
 from tests.exchange.beam_bench import STATUS_PDU, BeamBench
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, stream_plan, write
@@ -148,11 +149,11 @@ def test_another_table_between_two_triggers_waits(height_mm: float | None) -> No
     bench.stage(2, 60_000)
     bench.run(1)
     if height_mm is None:
-        bench.line.control(ClearTable("y2"), bench.now_ns)
+        bench.line.command(ClearTable(axes=("y2",)), bench.now_ns)
     else:
         table = make_table([0, 100], [height_mm] * 2, [-height_mm] * 2, Units.MM)
-        changes = tuple(TableChange(name, table, "y.tab", "csv", "0" * 64) for name in ("y1", "y2"))
-        bench.line.control(SetTables(changes), bench.now_ns)
+        wanted = tuple(TableFor(name, "y.tab", "csv", "0" * 64) for name in ("y1", "y2"))
+        bench.line.command(SetTable(tables=wanted), bench.now_ns, [table, table])
     bench.run(2)
     assert bench.ends() == [60_010, 60_010]
     bench.settle()
@@ -535,12 +536,12 @@ def test_a_dry_run_does_not_end_between_two_triggers() -> None:
         bench.to(unit_id, bytes.fromhex("03 005C 0001"))
         bench.to(unit_id, read(ACTUAL))
     with pytest.raises(ControlError, match="one axis of its group has gone"):
-        bench.line.control(EndDryRun("y1"), bench.now_ns)
+        bench.line.command(EndDryRun(axes=("y1",)), bench.now_ns)
     bench.stage(2, 60_000)
     bench.run(2)
     assert bench.ends() == [60_000, 60_000]
     bench.settle()
-    bench.line.control(EndDryRun("y1"), bench.now_ns)
+    bench.line.command(EndDryRun(axes=("y1",)), bench.now_ns)
     bench.go(70_000)
     assert bench.ends() == [70_010, 70_010]
 

@@ -9,7 +9,8 @@ from gateway.compensation.settings import Setpoints, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.axis.groups import join_terms
-from gateway.exchange.control import Declare, set_temperature
+from gateway.exchange.commands import SetReference
+from gateway.exchange.control import set_temperature
 from gateway.exchange.plan import AxisPlan, CrossPlan, Reference
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
@@ -133,7 +134,7 @@ def test_it_adds_to_the_temperature() -> None:
 def test_an_other_axis_that_loses_its_reference_is_held_and_then_fades() -> None:
     bench = Bench(x_plan(), y_plan(referenced=Reference.SET_POSITION))
     x, y = bench.line.axes
-    bench.line.control(Declare("y"), bench.now_ns)
+    bench.line.command(SetReference(axis="y"), bench.now_ns)
     go_y(bench, 400_000)
     bench.move(100_000)
     assert told(bench) == 100_040
@@ -157,7 +158,7 @@ def test_an_other_axis_that_loses_its_reference_is_held_and_then_fades() -> None
         "axes": ["y"],
         "correction": 0.0,
     }
-    bench.line.control(Declare("y"), bench.now_ns)
+    bench.line.command(SetReference(axis="y"), bench.now_ns)
     go_y(bench, 300_000)
     bench.move(500_000)
     assert told(bench) == 500_030

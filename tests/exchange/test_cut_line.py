@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gateway.exchange.axis.record_layout import Remembered
-from gateway.exchange.control import Switch
+from gateway.exchange.commands import Disable
 from gateway.exchange.cut_requests import STORED_FOR, WEIGHED_AT_LEAST, Heads
 from gateway.exchange.cut_through import Turn
 from gateway.exchange.latency import bucket_of
@@ -581,7 +581,7 @@ def _silence(line: Site) -> None:
 
 
 def _table(line: Site) -> None:
-    line.line.control(Switch("x", is_wanted=False), line.bench.now_ns)
+    line.line.command(Disable(axes=("x",)), line.bench.now_ns)
 
 
 ENDS: dict[Callable[[Site], None], Turn] = {

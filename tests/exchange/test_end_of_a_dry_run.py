@@ -7,12 +7,13 @@ from itertools import pairwise
 
 import pytest
 
-from gateway.exchange.control import ControlError, EndDryRun, Switch
+from gateway.exchange.commands import Enable, EndDryRun
+from gateway.exchange.control import ControlError
 from gateway.exchange.plan import CompensationMode
 from gateway.exchange.status import axis_status
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, stream_plan, write
 
-LIVE = EndDryRun("x")
+LIVE = EndDryRun(axes=("x",))
 SHADOW = CompensationMode.SHADOW
 
 
@@ -30,7 +31,7 @@ def test_it_comes_into_force_with_the_next_different_target() -> None:
     bench = Bench(axis_plan(compensation=SHADOW))
     arrived(bench, 20_000)
     arrived(bench, 50_000)
-    assert bench.line.control(LIVE, bench.now_ns) == {"x": "next-target"}
+    assert bench.line.command(LIVE, bench.now_ns) == {"x": "next-target"}
     assert state(bench) == "active"
     # No reading jumps: the drive stands where it was told to, and the controller reads what it commanded.
     assert ACTUAL.unpack(bench.ask(read(ACTUAL))[2:]) == 50_000
@@ -46,10 +47,10 @@ def test_it_comes_into_force_with_the_next_different_target() -> None:
 def test_the_branch_is_that_of_the_way_to_the_next_target_as_after_enabling(target: int, told: int) -> None:
     dry = Bench(axis_plan(compensation=SHADOW))
     off = Bench(axis_plan(compensation=CompensationMode.OFF))
-    for bench, message in ((dry, LIVE), (off, Switch("x", is_wanted=True))):
+    for bench, message in ((dry, LIVE), (off, Enable(axes=("x",)))):
         arrived(bench, 20_000)
         arrived(bench, 50_000)
-        bench.line.control(message, bench.now_ns)
+        bench.line.command(message, bench.now_ns)
         assert bench.move(target) == write(COMMAND, told)
 
 
@@ -58,11 +59,11 @@ def test_an_axis_that_is_on_its_way_stays_in_shadow() -> None:
     arrived(bench, 20_000)
     bench.ask(write(COMMAND, 50_000))
     with pytest.raises(ControlError, match="axis x stays in shadow: nobody has seen it at its target; "):
-        bench.line.control(LIVE, bench.now_ns)
+        bench.line.command(LIVE, bench.now_ns)
     bench.memory.put(ACTUAL, 35_000)
     bench.ask(read(ACTUAL))
     with pytest.raises(ControlError, match="it is not at its target yet"):
-        bench.line.control(LIVE, bench.now_ns)
+        bench.line.command(LIVE, bench.now_ns)
     assert state(bench) == "shadow"
     assert bench.move(60_000) == write(COMMAND, 60_000)
 
@@ -72,21 +73,21 @@ def test_not_while_a_target_is_on_the_wire() -> None:
     arrived(bench, 20_000)
     bench.send(write(COMMAND, 50_000))
     with pytest.raises(ControlError, match="on the wire"):
-        bench.line.control(LIVE, bench.now_ns)
+        bench.line.command(LIVE, bench.now_ns)
     bench.serve()
 
 
 def test_an_axis_that_was_told_nothing_yet_begins_as_at_a_start() -> None:
     bench = Bench(axis_plan(compensation=SHADOW))
     bench.memory.put(ACTUAL, 50_000)
-    assert bench.line.control(LIVE, bench.now_ns) == {"x": "next-target"}
+    assert bench.line.command(LIVE, bench.now_ns) == {"x": "next-target"}
     assert bench.move(60_000) == write(COMMAND, 60_010)
 
 
 def test_a_second_time_changes_nothing() -> None:
     bench = Bench(axis_plan(compensation=SHADOW))
-    bench.line.control(LIVE, bench.now_ns)
-    assert bench.line.control(LIVE, bench.now_ns) == {}
+    bench.line.command(LIVE, bench.now_ns)
+    assert bench.line.command(LIVE, bench.now_ns) == {}
 
 
 def test_of_a_group_all_go_or_none() -> None:
@@ -94,14 +95,17 @@ def test_of_a_group_all_go_or_none() -> None:
     bench = Bench(axis_plan(compensation=SHADOW), other, groups=[["x", "y"]])
     bench.ask(write(COMMAND, 50_000))
     with pytest.raises(ControlError, match="axis x stays in shadow"):
-        bench.line.control(EndDryRun("y"), bench.now_ns)
+        bench.line.command(EndDryRun(axes=("y",)), bench.now_ns)
     assert [axis.is_dry_run for axis in bench.line.axes] == [True, True]
     bench.memory.put(ACTUAL, 50_000)
     bench.ask(read(ACTUAL))
     with pytest.raises(ControlError, match="one axis of its group has gone, and another one has not"):
-        bench.line.control(EndDryRun("y"), bench.now_ns)  # y would go corrected to where x stands 1:1
+        bench.line.command(EndDryRun(axes=("y",)), bench.now_ns)  # y would go corrected to where x stands 1:1
     bench.wait(10_001)
-    assert bench.line.control(EndDryRun("y"), bench.now_ns) == {"x": "next-target", "y": "next-target"}
+    assert bench.line.command(EndDryRun(axes=("y",)), bench.now_ns) == {
+        "x": "next-target",
+        "y": "next-target",
+    }
 
 
 def test_a_stream_blends_the_correction_in_from_where_it_stands() -> None:
@@ -110,7 +114,7 @@ def test_a_stream_blends_the_correction_in_from_where_it_stands() -> None:
     for counts in range(0, 10_000, 50):
         bench.move(counts)
     assert ACTUAL.unpack(bench.ask(read(ACTUAL))[2:]) == 9_950
-    assert bench.line.control(LIVE, bench.now_ns) == {"x": "blended"}
+    assert bench.line.command(LIVE, bench.now_ns) == {"x": "blended"}
     offsets = []
     for counts in range(10_000, 11_500, 50):
         bench.move(counts)
@@ -125,7 +129,7 @@ def test_the_fast_path_finds_the_same() -> None:
     bench = Bench(axis_plan(compensation=SHADOW))
     for counts in (10_000, 20_000, 30_000):
         arrived(bench, counts)
-    bench.line.control(LIVE, bench.now_ns)
+    bench.line.command(LIVE, bench.now_ns)
     for counts in (40_000, 50_000, 60_000):
         assert bench.move(counts) == write(COMMAND, counts + 10)
 
@@ -134,6 +138,6 @@ def test_where_no_register_tells_the_drives_last_word_has_to_do() -> None:
     bench = Bench(axis_plan(compensation=SHADOW, actual=()))
     bench.move(20_000)
     bench.move(50_000)
-    assert bench.line.control(LIVE, bench.now_ns) == {"x": "next-target"}
+    assert bench.line.command(LIVE, bench.now_ns) == {"x": "next-target"}
     assert bench.move(50_000) == write(COMMAND, 50_000)
     assert bench.move(60_000) == write(COMMAND, 60_010)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from gateway.exchange.control import ControlError, Declare, switch
+from gateway.exchange.commands import SetReference
+from gateway.exchange.control import ControlError, switch
 from gateway.exchange.plan import ControllerPlan, Reference, Role
 from tests.exchange.line_bench import ACTUAL, COMMAND, Port, read, write
 from tests.exchange.staged_bench import (
@@ -93,16 +94,16 @@ def test_a16_a_person_may_declare_an_absolute_axis_referenced_again() -> None:
     bench = StagedBench()
     bench.trigger(ZERO_PDU)
     assert not is_corrected(bench)
-    assert bench.line.control(Declare("x"), bench.now_ns) == {"x": ""}
+    assert bench.line.command(SetReference(axis="x"), bench.now_ns) == {"x": ""}
     assert is_corrected(bench, 30_000)
 
 
 def test_a_persons_word_does_not_stand_against_the_drives_bit() -> None:
     bench = StagedBench(staged_plan(referenced=Reference.DRIVE_BIT))
     with pytest.raises(ControlError, match="home the drive"):
-        bench.line.control(Declare("x"), bench.now_ns)
+        bench.line.command(SetReference(axis="x"), bench.now_ns)
     with pytest.raises(ControlError, match="there is no axis q here; there are x"):
-        bench.line.control(Declare("q"), bench.now_ns)
+        bench.line.command(SetReference(axis="q"), bench.now_ns)
 
 
 def silence(bench: StagedBench, ms: float) -> None:

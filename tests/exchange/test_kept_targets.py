@@ -8,7 +8,7 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.axis.state import KEEPING, RETAINING
-from gateway.exchange.control import Declare
+from gateway.exchange.commands import SetReference
 from gateway.exchange.plan import LineTiming, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.connection_bench import Connection
@@ -423,7 +423,7 @@ def test_m4_a_declared_reference_leaves_a_staged_target_on_its_way_its_words(
     bench.trigger()
     bench.drive.pass_by(40_000)
     bench.poll()
-    bench.line.control(Declare("x"), bench.now_ns)
+    bench.line.command(SetReference(axis="x"), bench.now_ns)
     if is_read:
         bench.ask(read(ACTUAL))
     bench.stage(60_000)
@@ -440,7 +440,7 @@ def test_m4_a_declared_reference_leaves_a_target_that_is_repeated_on_its_way_its
     bench.move(60_000)
     assert bench.memory.get(COMMAND) == 60_000
     bench.memory.put(ACTUAL, 40_000)
-    bench.line.control(Declare("x"), bench.now_ns)
+    bench.line.command(SetReference(axis="x"), bench.now_ns)
     if is_read:
         bench.ask(read(ACTUAL))
     bench.ask(write(COMMAND, 60_000))
@@ -449,13 +449,13 @@ def test_m4_a_declared_reference_leaves_a_target_that_is_repeated_on_its_way_its
 
 def test_m9_a_declared_reference_proves_nothing_of_a_target_from_before_a_loss() -> None:
     bench = Bench(axis_plan(table=WORN, referenced=Reference.SET_POSITION), timing=LineTiming(drain_ms=1))
-    bench.line.control(Declare("x"), bench.now_ns)
+    bench.line.command(SetReference(axis="x"), bench.now_ns)
     bench.move(60_000)
     assert bench.memory.get(COMMAND) == 60_410
     lose(bench, "silence")
     bench.memory.put(ACTUAL, 80_000)
     bench.ask(read_homed())  # it answers again: its reference is lost
     assert not bench.line.axes[0].is_referenced
-    bench.line.control(Declare("x"), bench.now_ns)
+    bench.line.command(SetReference(axis="x"), bench.now_ns)
     bench.ask(write(COMMAND, 60_000))
     assert bench.memory.get(COMMAND) == 59_740  # seen at 80 mm: a new target, backward

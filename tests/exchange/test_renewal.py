@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from gateway.exchange.axis.state import Whereabouts
-from gateway.exchange.control import Declare
+from gateway.exchange.commands import SetReference
 from gateway.exchange.events import EventKind
 from gateway.exchange.plan import Reference
 from tests.exchange.connection_bench import ConnectionBench, controller
@@ -328,7 +328,7 @@ def test_w11_a_power_cut_behind_a_renewal_is_silence_until_the_drives_own_frame(
     ]
     bench = ConnectionBench(*plans)
     for axis in bench.line.axes:
-        bench.line.control(Declare(axis.plan.name), bench.now_ns)
+        bench.line.command(SetReference(axis=axis.plan.name), bench.now_ns)
     for unit_id in asked:
         mute(bench, times=1, unit_id=unit_id)
     bench.link.sent.clear()

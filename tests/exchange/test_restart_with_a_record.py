@@ -12,7 +12,8 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import DIRECT
 from gateway.exchange.axis.record import digest_of_axis
-from gateway.exchange.control import Declare, switch
+from gateway.exchange.commands import SetReference
+from gateway.exchange.control import switch
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import (
@@ -311,7 +312,7 @@ def test_an_axis_switched_off_in_the_configuration_is_transparent_at_once() -> N
 @pytest.mark.parametrize("referenced", [Reference.HOMING, Reference.SET_POSITION])
 def test_a_reference_that_only_passed_on_the_wire_does_not_come_back(referenced: Reference) -> None:
     bench = RecordBench(staged_plan(referenced=referenced, motion=DIRECT))
-    bench.line.control(Declare("x"), bench.now_ns)
+    bench.line.command(SetReference(axis="x"), bench.now_ns)
     bench.move(50_000)
     bench.move(20_000)
     assert bench.memory.get(COMMAND) == 19_990

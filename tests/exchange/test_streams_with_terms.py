@@ -8,7 +8,8 @@ from gateway.compensation.fingerprint import table_digest
 from gateway.compensation.settings import Gain, ThermalSettings
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.exchange.control import TableChange, set_gain, set_tables, set_temperature, switch
+from gateway.exchange.commands import TableFor
+from gateway.exchange.control import set_gain, set_tables, set_temperature, switch
 from gateway.exchange.plan import CrossPlan
 from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, stream_plan, write
@@ -132,7 +133,7 @@ class Streams:
 
     def table(self) -> None:
         table = self.random.choice((BOW, STEEP))
-        set_tables(self.bench.line.axes, [TableChange(self.random.choice("xy"), table, "t", "csv", "")])
+        set_tables(self.bench.line.axes, [TableFor(self.random.choice("xy"), "t", "csv", "")], [table])
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -4,7 +4,7 @@ from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import overload
+from typing import Final, overload
 
 import pytest
 
@@ -13,7 +13,8 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.exchange import control
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.control import ControlError, TableChange
+from gateway.exchange.commands import TableFor
+from gateway.exchange.control import ControlError
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
 from gateway.modbus.registers import PositionField, RegisterType
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, stream_plan, write
@@ -67,8 +68,7 @@ def axis_with(table: CorrectionTable | None, setpoints: Setpoints) -> Axis:
     return Axis(AxisPlan("x", 1, settings, table, CompensationMode.ON, Reference.ABSOLUTE, command))
 
 
-def change_of(table: CorrectionTable) -> TableChange:
-    return TableChange("x", table, "x.tab", "centroid-3", "0" * 64)
+FOR_X: Final = [TableFor("x", "x.tab", "centroid-3", "0" * 64)]
 
 
 @pytest.mark.parametrize("setpoints", list(Setpoints))
@@ -80,7 +80,7 @@ def test_no_change_walks_over_the_points_of_a_table(setpoints: Setpoints) -> Non
         axis.compensation.commit(axis.compensation.plan(counts, None, 0), counts)
     for column in (*old_columns, *new_columns):
         column.looks = 0
-    control.set_tables([axis], [change_of(new)])
+    control.set_tables([axis], FOR_X, [new])
     control.set_gain([axis], "x", Gain(0.5, 0.9))
     control.switch([axis], "x", is_wanted=False)
     control.switch([axis], "x", is_wanted=True)
@@ -102,11 +102,11 @@ def test_a_refused_table_leaves_the_old_one() -> None:
         (replace(steep, facts=steep.facts._replace(max_slope=1.5)), r"has a slope of 1\.5, 1 or more"),
     ):
         with pytest.raises(ControlError, match=said):
-            control.set_tables([axis], [change_of(table)])
+            control.set_tables([axis], FOR_X, [table])
         assert axis.plan is plan
     assert axis.compensation.plan(50_000, None, 0).correction_counts == wanted
     with pytest.raises(ControlError, match="there is no axis q here; there are x"):
-        control.set_tables([axis], [replace(change_of(old), axis="q")])
+        control.set_tables([axis], [TableFor("q", "q.tab", "centroid-3", "0" * 64)], [old])
 
 
 def test_a_table_without_the_lost_motion_that_is_configured_is_refused() -> None:
@@ -118,8 +118,8 @@ def test_a_table_without_the_lost_motion_that_is_configured_is_refused() -> None
     axis = axis_with(None, Setpoints.TARGETS)
     axis.plan = replace(axis.plan, settings=replace(axis.plan.settings, backlash=backlash))
     with pytest.raises(ControlError, match="is without its backlash: compile it again"):
-        control.set_tables([axis], [change_of(flat)])
-    assert control.set_tables([axis], [change_of(with_backlash(flat, backlash))]) == {"x": "next-target"}
+        control.set_tables([axis], FOR_X, [flat])
+    assert control.set_tables([axis], FOR_X, [with_backlash(flat, backlash)]) == {"x": "next-target"}
 
 
 def test_a_change_asked_for_while_a_setpoint_is_on_the_wire_is_as_long_as_its_difference_needs() -> None:

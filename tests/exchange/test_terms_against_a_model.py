@@ -10,15 +10,8 @@ from gateway.compensation.settings import Gain, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.axis.transitions import Axis
-from gateway.exchange.control import (
-    ControlError,
-    Declare,
-    TableChange,
-    set_gain,
-    set_tables,
-    set_temperature,
-    switch,
-)
+from gateway.exchange.commands import SetReference, TableFor
+from gateway.exchange.control import ControlError, set_gain, set_tables, set_temperature, switch
 from gateway.exchange.plan import AxisPlan, CrossPlan, Reference
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import MS, axis_plan, read, write
@@ -57,7 +50,7 @@ class Machine:
         self.bench = RecordBench(*map(self.plan, self.models.values()), find_table=BY_DIGEST.get)
         for model in self.models.values():
             self.bench.memory.put(model.actual, self.counts(model))
-            self.bench.line.control(Declare(model.name), self.bench.now_ns)
+            self.bench.line.command(SetReference(axis=model.name), self.bench.now_ns)
         self.compared = 0
 
     # --- what is configured ----------------------------------------------------------------------------
@@ -249,7 +242,7 @@ class Machine:
     def reload(self) -> None:
         model = self.pick()
         model.table = self.random.choice(TABLES)
-        set_tables(self.bench.line.axes, [TableChange(model.name, model.table, "t", "csv", "")])
+        set_tables(self.bench.line.axes, [TableFor(model.name, "t", "csv", "")], [model.table])
 
     def stopped(self) -> None:
         """Something else decides where it is."""
@@ -265,7 +258,7 @@ class Machine:
     def found(self) -> None:
         for model in self.models.values():
             if not model.is_referenced:
-                self.bench.line.control(Declare(model.name), self.bench.now_ns)
+                self.bench.line.command(SetReference(axis=model.name), self.bench.now_ns)
                 self.read(model)
                 self.learn(model)
 

@@ -8,7 +8,8 @@ import pytest
 from gateway.compensation.settings import ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.control import Declare, set_temperature
+from gateway.exchange.commands import SetReference
+from gateway.exchange.control import set_temperature
 from gateway.exchange.plan import Reference
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
@@ -137,7 +138,7 @@ def test_a_reading_of_the_other_axis_from_before_its_zero_was_moved_does_not_cou
         y = replace(y, referenced=Reference.DRIVE_BIT)
     bench = StagedBench(x_plan(command=(X_COMMAND,), actual=(X_ACTUAL,)), y)
     if pdu is ZERO_PDU:
-        bench.line.control(Declare("y"), bench.now_ns)
+        bench.line.command(SetReference(axis="y"), bench.now_ns)
     bench.go_to(400_000)
     assert bench.actual() == 400_000
     bench.ask(write(X_COMMAND, 100_000))

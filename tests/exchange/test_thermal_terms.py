@@ -7,15 +7,8 @@ import pytest
 from gateway.compensation.settings import ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.control import (
-    ControlError,
-    Declare,
-    TableChange,
-    set_limits,
-    set_tables,
-    set_temperature,
-    switch,
-)
+from gateway.exchange.commands import SetReference, TableFor
+from gateway.exchange.control import ControlError, set_limits, set_tables, set_temperature, switch
 from gateway.exchange.limits import Limits as LimitsOf
 from gateway.exchange.plan import AxisPlan, Reference
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
@@ -175,7 +168,7 @@ def test_another_table_that_leaves_no_room_for_the_line_has_none() -> None:
     warm(bench, 30.0)
     bench.move(1_000_000)
     assert told(bench) == 999_885
-    set_tables(bench.line.axes, [TableChange("x", RAMP, "", "", "")])
+    set_tables(bench.line.axes, [TableFor("x", "", "", "")], [RAMP])
     assert told(bench) == 999_885
     bench.wait(1000.0)
     bench.move(500_000)
@@ -224,7 +217,7 @@ def test_without_a_reference_positions_pass_as_they_are() -> None:
     warm(bench, 30.0)
     bench.ask(write(COMMAND, 1_000_000))
     assert told(bench) == 1_000_000
-    bench.line.control(Declare("x"), bench.now_ns)
+    bench.line.command(SetReference(axis="x"), bench.now_ns)
     bench.move(999_000)
     assert told(bench) == 998_885
 

@@ -6,18 +6,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from gateway.compensation.settings import Gain
 from gateway.config.load import load
 from gateway.drives import library
-from gateway.exchange.control import (
+from gateway.exchange.commands import (
     ClearTable,
-    ControlError,
-    Declare,
+    Disable,
+    Enable,
     EndDryRun,
     SetGain,
+    SetReference,
     SetTemperature,
-    Switch,
 )
+from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
@@ -338,24 +338,25 @@ class Line:
                 case 1:
                     line.link_up(now_ns)
                 case 2:
-                    line.control(Switch(axis, is_wanted=True), now_ns)
+                    line.command(Enable(axes=(axis,)), now_ns)
                 case 3:
-                    line.control(Switch(axis, is_wanted=False), now_ns)
+                    line.command(Disable(axes=(axis,)), now_ns)
                 case 4:
-                    line.control(Declare(axis), now_ns)
+                    line.command(SetReference(axis=axis), now_ns)
                 case 5:
-                    line.control(SetGain(axis, Gain(script.byte() / 255, script.byte() / 255)), now_ns)
+                    forward, backward = script.byte() / 255, script.byte() / 255
+                    line.command(SetGain(axes=(axis,), forward=forward, backward=backward), now_ns)
                 case 6:
-                    line.control(ClearTable(axis), now_ns)
+                    line.command(ClearTable(axes=(axis,)), now_ns)
                 case 7 | 8 | 9:
                     controller = self.controllers[does >> 4 & 3]
                     controller.begin_anew()
                     controller.waits_for.clear()
                     line.controller_gone(controller, now_ns)
                 case 10:
-                    line.control(SetTemperature(axis, float(script.byte())), now_ns)
+                    line.command(SetTemperature(axis=axis, celsius=float(script.byte())), now_ns)
                 case 11:
-                    line.control(EndDryRun(axis), now_ns)
+                    line.command(EndDryRun(axes=(axis,)), now_ns)
                 case _:
                     self.arrive()
         except ControlError as error:

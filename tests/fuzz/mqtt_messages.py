@@ -16,8 +16,9 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
 from gateway.catalogue.entry import EventEntry, Severity
+from gateway.exchange.commands import Disable, Enable, SetGain
 from gateway.ipc.client import NobodyListensError
-from gateway.ipc.messages import Disable, Done, Enable, Reply, Request, SetGain
+from gateway.ipc.messages import Done, Reply, Request
 from gateway.supervisor.mqtt.commander import Commander
 from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.messages import encode

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from gateway.exchange.commands import MAX_TABLES, Disable, SetTable, TableFor
 from gateway.ipc.desk import Desk
 from gateway.ipc.messages import (
-    MAX_TABLES,
-    Disable,
     Done,
     GetStatus,
     Ping,
@@ -22,9 +21,7 @@ from gateway.ipc.messages import (
     Refused,
     Reply,
     Request,
-    SetTable,
     Status,
-    TableFor,
     decode_reply,
     encode,
 )

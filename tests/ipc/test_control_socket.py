@@ -12,17 +12,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gateway.exchange.commands import Disable, Enable, SetReference
 from gateway.ipc import messages
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.messages import (
     Done,
-    Enable,
     Ping,
     Pong,
     Refused,
     Reply,
     Request,
-    SetReference,
     WrongMessageError,
     decode_reply,
     decode_request,
@@ -181,7 +180,7 @@ def test_every_request_survives_the_way() -> None:
         Ping(),
         messages.GetStatus(),
         Enable(),
-        messages.Disable(axes=("x",)),
+        Disable(axes=("x",)),
         SetReference(axis="x"),
     ):
         assert decode_request(encode(request)) == request

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from gateway.exchange.commands import VERSION, SetTable, TableFor
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.desk import Desk
 from gateway.ipc.messages import (
-    VERSION,
     Done,
     Happened,
     Ping,
@@ -22,11 +22,9 @@ from gateway.ipc.messages import (
     Refused,
     Reply,
     Request,
-    SetTable,
     Snapshot,
     Subscribe,
     Subscribed,
-    TableFor,
     decode_reply,
     encode,
 )

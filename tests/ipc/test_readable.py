@@ -4,10 +4,20 @@ from typing import Final, get_args
 
 import pytest
 
+from gateway.exchange.commands import (
+    Enable,
+    SetGain,
+    SetLimits,
+    SetReference,
+    SetTable,
+    SetTemperature,
+    TableFor,
+)
 from gateway.ipc import traffic
 from gateway.ipc.plan import GatewayPlan
 from gateway.ipc.readable import Reader
 
+LIMITS: Final = SetLimits(axis="x", max_correction=0.5, max_slope=0.1, travel_margin=2.0, budget_us=150.0)
 ENTRIES: Final[dict[traffic.Input | traffic.Output, str]] = {
     traffic.Request("xyz", 7, 1, "cnc", 0, 2, "0300640002"): (
         "controller → cnc#1  unit 2  read holding registers  03 00 64 00 02"
@@ -22,13 +32,14 @@ ENTRIES: Final[dict[traffic.Input | traffic.Output, str]] = {
     traffic.Tick("xyz", 7): "a deadline passed",
     traffic.Stop("xyz", 7): "the gateway stops",
     traffic.Beginning("xyz", 7, (), is_up=True): "the line is idle: a replay may begin here",
-    traffic.Control("xyz", 7, "enable", "x"): "command enable x",
-    traffic.Tables("xyz", 7, (traffic.Table("x", "x.tab", "centroid-3", "0" * 64, b""),)): (
+    traffic.Commanded("xyz", 7, Enable(axes=("x",))): "command enable x",
+    traffic.Commanded("xyz", 7, SetReference(axis="x")): "command reference x",
+    traffic.Commanded("xyz", 7, SetTable(tables=(TableFor("x", "x.tab", "centroid-3", "0" * 64),)), (b"",)): (
         "command set-table x x.tab"
     ),
-    traffic.Share("xyz", 7, "x", 0.5, 1.0): "command set-gain x 0.5 1",
-    traffic.Limits("xyz", 7, "x", 0.5, 0.1, 2.0, 150.0): "command set-limits x",
-    traffic.Temperature("xyz", 7, "x", 21.5): "command set-temperature x 21.5 °C",
+    traffic.Commanded("xyz", 7, SetGain(axes=("x",), forward=0.5, backward=1.0)): "command set-gain x 0.5 1",
+    traffic.Commanded("xyz", 7, LIMITS): "command set-limits x",
+    traffic.Commanded("xyz", 7, SetTemperature(axis="x", celsius=21.5)): "command set-temperature x 21.5 °C",
     traffic.Sent("xyz", 2, "06006400ff"): "→ drive  unit 2  write single register  06 00 64 00 ff",
     traffic.Abandoned("xyz"): "× the reply is not waited for any longer",
     traffic.Answered("xyz", 1, 9, 2, "0304000000ff"): (

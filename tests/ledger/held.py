@@ -21,7 +21,8 @@ from gateway.compensation.fingerprint import table_digest
 from gateway.compensation.settings import Gain, Reversal, ReversalKind
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.exchange.control import TableChange, set_gain, set_tables, switch
+from gateway.exchange.commands import TableFor
+from gateway.exchange.control import set_gain, set_tables, switch
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, read, stream_plan, write
@@ -186,7 +187,7 @@ class HeldStream:
         self.number = self.rng.randrange(SCREWS)
         table = self.tables[self.number]
         digest = table_digest(table).hex()
-        set_tables(self.bench.line.axes, [TableChange("x", table, f"{self.number}.tab", "test", digest)])
+        set_tables(self.bench.line.axes, [TableFor("x", f"{self.number}.tab", "test", digest)], [table])
 
     def _give_gain(self) -> None:
         self.gain = self.rng.choice(GAINS)

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
+from gateway.exchange.commands import SetTemperature
 from gateway.ipc.client import ask
-from gateway.ipc.messages import Done, GetStatus, SetTemperature, Status
+from gateway.ipc.messages import Done, GetStatus, Status
 from tests.mosquitto import broker_in, watching
 from tests.processes.bench import Site, children, gateway_of
 

@@ -9,19 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
+from gateway.exchange.commands import ClearTable, Disable, Enable, SetGain, SetLimits, SetTable, TableFor
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import ask
 from gateway.ipc.compiled_table import compiled
-from gateway.ipc.messages import (
-    ClearTable,
-    Disable,
-    Done,
-    Enable,
-    SetGain,
-    SetLimits,
-    SetTable,
-    TableFor,
-)
+from gateway.ipc.messages import Done
 from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.ipc.sealed_memory import seal
 from gateway.modbus.mbap import encode_mbap

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gateway.compensation.settings import Gain
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.control import Declare, SetGain
+from gateway.exchange.commands import SetGain, SetReference
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from gateway.ipc import traffic
 from gateway.ipc.capture import Capture, NoCaptureError, Timed
@@ -139,7 +138,7 @@ async def test_what_is_left_of_a_long_run_is_replayed_from_where_it_begins(
         axis = replace(axis, bits={"homed": BitField(HOMED)})
     plan, relay, controller = await running(bench, tools, tmp_path, axis, memory)
     if reference is Reference.SET_POSITION:
-        relay.control(Declare("x"))
+        relay.command(SetReference(axis="x"))
     for number in range(600):
         # Forwards and backwards, with readings between: 1 200 exchanges are five times what the tape holds.
         await ask(controller, number, write(number * 7919 % 100_000))
@@ -164,14 +163,15 @@ async def test_what_somebody_has_changed_since_the_start_is_known_where_the_capt
     bench: "Bench", tools: "Tools", tmp_path: Path
 ) -> None:
     plan, relay, controller = await running(bench, tools, tmp_path, tools.axis(), Memory())
-    relay.control(SetGain("x", Gain(0.5, 0.5)))
+    relay.command(SetGain(axes=("x",), forward=0.5, backward=0.5))
     for number in range(400):
         await ask(controller, number, write(number * 7919 % 100_000))
     timed = await captured(relay)
-    assert not any(isinstance(entry, traffic.Share) for _, entry in timed)
+    assert not any(isinstance(entry, traffic.Commanded) for _, entry in timed)
     assert replayed(plan, timed).different == 0
     [first, *_] = [entry for _, entry in timed if isinstance(entry, traffic.Beginning)]
-    assert [type(each) for each in first.controls] == [traffic.Share]
+    told = [traffic.as_command(each).command for each in first.controls]
+    assert told == [SetGain(axes=("x",), forward=0.5, backward=0.5)]
 
 
 async def test_only_who_may_change_something_may_look(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:

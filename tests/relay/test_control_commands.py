@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from gateway.exchange.commands import Disable, Enable, SetReference
 from gateway.ipc.client import ask
-from gateway.ipc.messages import Disable, Done, Enable, GetStatus, Ping, Pong, SetReference, Status
+from gateway.ipc.messages import Done, GetStatus, Ping, Pong, Status
 from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.errors import StartError

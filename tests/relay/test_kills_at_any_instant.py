@@ -21,8 +21,8 @@ import pytest
 from gateway.compensation.settings import Reversal, ReversalKind
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.exchange.commands import SetReference
 from gateway.ipc.client import ask
-from gateway.ipc.messages import SetReference
 from gateway.modbus.mbap import encode_mbap
 from tests.child import started
 from tests.commands import typed

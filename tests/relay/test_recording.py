@@ -1,32 +1,33 @@
 """What was recorded over real sockets and ports comes out the same again, byte for byte."""
 
 import asyncio
+import base64
 import contextlib
 import random
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from gateway.compensation.settings import Gain, ThermalSettings
+from gateway.compensation.settings import ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
-from gateway.exchange.control import (
+from gateway.exchange.commands import (
     ClearTable,
-    Control,
-    ControlError,
-    Declare,
+    Command,
+    Disable,
+    Enable,
     EndDryRun,
     SetGain,
     SetLimits,
-    SetTables,
+    SetReference,
+    SetTable,
     SetTemperature,
-    Switch,
-    TableChange,
+    TableFor,
 )
-from gateway.exchange.limits import Limits
+from gateway.exchange.control import ControlError
 from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, OtherUnits, Reference
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import compiled
@@ -36,7 +37,6 @@ from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField
 from gateway.modbus.rtu import encode_rtu
 from gateway.relay.gateway import Relay
-from gateway.relay.recorded import entry_of, message_of
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay, ReplayError, ReplayResult
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
@@ -60,31 +60,52 @@ def replayed(path: Path, plan: GatewayPlan, only: str | None = None) -> ReplayRe
     return replay.result
 
 
-MESSAGES: dict[type, tuple[Control, ...]] = {
-    Switch: (Switch("x", is_wanted=True), Switch("x", is_wanted=False)),
-    Declare: (Declare("x"),),
-    SetTables: (SetTables((TableChange("x", FLAT, "x.tab", "centroid-3", "0" * 64),)),),
-    ClearTable: (ClearTable("x"),),
-    SetGain: (SetGain("x", Gain(0.5, 0.25)), SetGain("x", Gain(0.5, 0.25), is_configured=True)),
-    SetLimits: (SetLimits("x", Limits(0.5, 0.1, 2.0, 150.0)),),
-    SetTemperature: (SetTemperature("x", 21.5),),
-    EndDryRun: (EndDryRun("x"),),
+BEFORE: Final[dict[str, Command]] = {
+    '{"kind":"control","line":"line","t":7,"command":"enable","axis":"x"}': Enable(axes=("x",)),
+    '{"kind":"control","line":"line","t":7,"command":"disable","axis":"x"}': Disable(axes=("x",)),
+    '{"kind":"control","line":"line","t":7,"command":"end-dry-run","axis":"x"}': EndDryRun(axes=("x",)),
+    '{"kind":"control","line":"line","t":7,"command":"reference","axis":"x"}': SetReference(axis="x"),
+    '{"kind":"control","line":"line","t":7,"command":"clear-table","axis":"x"}': ClearTable(axes=("x",)),
+    '{"kind":"gain","line":"line","t":7,"axis":"x","forward":0.5,"backward":0.25}': SetGain(
+        axes=("x",), forward=0.5, backward=0.25
+    ),
+    '{"kind":"gain","line":"line","t":7,"axis":"x","forward":0.5,"backward":0.25,"is_alone":true}': SetGain(
+        axes=("x",), forward=0.5, backward=0.25, is_configured=True
+    ),
+    '{"kind":"limits","line":"line","t":7,"axis":"x","max_correction":0.5,"max_slope":0.1,'
+    '"travel_margin":2.0,"budget_us":150.0}': SetLimits(
+        axis="x", max_correction=0.5, max_slope=0.1, travel_margin=2.0, budget_us=150.0
+    ),
+    '{"kind":"temperature","line":"line","t":7,"axis":"x","celsius":21.5}': SetTemperature(
+        axis="x", celsius=21.5
+    ),
 }
+"""Commands as 1.0.0 recorded them."""
+FOR_X: Final = SetTable(tables=(TableFor("x", "x.tab", "centroid-3", "0" * 64),))
 
 
-@pytest.mark.parametrize("kind", get_args(Control))
-def test_whatever_is_asked_of_a_line_is_recorded_so_that_it_can_be_asked_again(kind: type) -> None:
-    for message in MESSAGES[kind]:
-        entry = traffic.decode(traffic.encode(entry_of(message, "line", 7)))
-        assert isinstance(entry, get_args(traffic.ControlInput))
-        assert (entry.line, entry.t) == ("line", 7)
-        again = message_of(entry)
-        if isinstance(message, SetTables) and isinstance(again, SetTables):
-            [was], [now] = message.changes, again.changes
-            assert compiled(now.table) == compiled(was.table)
-            assert replace(now, table=was.table) == was
-        else:
-            assert again == message
+@pytest.mark.parametrize("command", [*BEFORE.values(), FOR_X], ids=str)
+def test_a_command_is_recorded_so_that_it_can_be_given_again(command: Command) -> None:
+    entry = traffic.Commanded("line", 7, command, (compiled(FLAT),) if command is FOR_X else ())
+    assert traffic.decode(traffic.encode(entry)) == entry
+
+
+@pytest.mark.parametrize("recorded", BEFORE)
+def test_a_command_that_an_older_release_recorded_is_the_same(recorded: str) -> None:
+    assert traffic.decode(recorded.encode()) == traffic.Commanded("line", 7, BEFORE[recorded])
+
+
+def test_tables_that_an_older_release_recorded_are_the_same() -> None:
+    data = compiled(FLAT)
+    text = base64.b64encode(data).decode()
+    each = f'{{"axis":"x","file":"x.tab","format":"centroid-3","sha256":"{"0" * 64}","data":"{text}"}}'
+    entry = traffic.decode(f'{{"kind":"tables","line":"line","t":7,"tables":[{each}]}}'.encode())
+    assert entry == traffic.Commanded("line", 7, FOR_X, (data,))
+
+
+def test_a_command_of_a_newer_release_is_refused_with_its_name() -> None:
+    with pytest.raises(traffic.WrongEntryError, match=r"the command 'dance' is not known; replay it with a"):
+        traffic.decode(b'{"kind":"control","line":"line","t":7,"command":"dance","axis":"x"}')
 
 
 class MoodyDrive:
@@ -198,9 +219,9 @@ async def chat(bench: "Bench", relay: Relay, seed: int) -> None:
                 async with asyncio.timeout(0.05):
                     await steady.until(lambda end, heard=heard: len(end.data) > heard)  # type: ignore[misc]
         if number == ROUNDS // 2:
-            relay.control(Switch("x", is_wanted=False))
+            relay.command(Disable(axes=("x",)))
         if number == 3 * ROUNDS // 4:
-            relay.control(Switch("x", is_wanted=True))
+            relay.command(Enable(axes=("x",)))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -222,7 +243,7 @@ async def test_random_traffic_with_time_outs_and_reconnects_replays_to_the_same_
         "Reply",
         "Answered",
         "Tick",
-        "Control",
+        "Commanded",
         "Gone",
         "Stop",
         "End",
@@ -246,15 +267,16 @@ async def test_temperatures_and_another_axis_replay_to_the_same_bytes(
     )
     relay, plan = await recorded_relay(bench, tools, "tcp", Recorder(path, HEADER), seed, axis=warm)
     for celsius in (21.0, 35.0, 15.0):
-        assert relay.control(SetTemperature("x", celsius)) == {"x": ""}
+        assert relay.command(SetTemperature(axis="x", celsius=celsius)) == {"x": ""}
         with pytest.raises(ControlError):
-            relay.control(SetTemperature("x", 3000.0))
+            relay.command(SetTemperature(axis="x", celsius=3000.0))
         await chat(bench, relay, seed)
     await relay.stop()
     result = replayed(path, plan)
     assert (result.different, result.first, result.is_cut_off) == (0, [], False)
-    told = [entry for entry in entries_of(path) if isinstance(entry, traffic.Temperature)]
-    assert [entry.celsius for entry in told] == [21.0, 3000.0, 35.0, 3000.0, 15.0, 3000.0]
+    told = [entry.command for entry in entries_of(path) if isinstance(entry, traffic.Commanded)]
+    found = [each.celsius for each in told if isinstance(each, SetTemperature)]
+    assert found == [21.0, 3000.0, 35.0, 3000.0, 15.0, 3000.0]
     cold = replace(plan.lines[0], axes=(replace(warm, thermal=None), *plan.lines[0].axes[1:]))
     assert replayed(path, GatewayPlan("bench", (cold,))).different
 

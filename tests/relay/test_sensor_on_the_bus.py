@@ -12,7 +12,6 @@ from gateway.exchange.plan import Role
 from gateway.ipc.messages import Reply, Request
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
-from gateway.relay.control import answer
 from gateway.supervisor.temperatures import Temperatures
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ async def test_a_sensor_beside_the_drives_is_heard_and_the_axis_follows(
 
     def ask(request: Request) -> Reply:  # as over the socket: from another thread, answered by the loop
         async def answered() -> Reply:
-            return answer(relay, request)
+            return relay.answer(request)
 
         return asyncio.run_coroutine_threadsafe(answered(), loop).result(5.0)
 

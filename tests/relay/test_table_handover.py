@@ -7,19 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway.compensation.settings import Setpoints
+from gateway.exchange.commands import ClearTable, Disable, Enable, SetGain, SetLimits
 from gateway.ipc import traffic
 from gateway.ipc.client import ask
 from gateway.ipc.compiled_table import compiled, digest_of
-from gateway.ipc.messages import (
-    ClearTable,
-    Disable,
-    Done,
-    Enable,
-    GetStatus,
-    SetGain,
-    SetLimits,
-    Status,
-)
+from gateway.ipc.messages import Done, GetStatus, Status
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay
 from tests.relay.handover_site import STEEPER, machine, table_of, without_actual

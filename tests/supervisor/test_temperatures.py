@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from gateway.catalogue.entry import EventEntry, Severity
 from gateway.config.axis_model import AxisSection
 from gateway.config.sections import Sections
-from gateway.ipc.messages import Done, Reply, Request, SetTemperature
+from gateway.exchange.commands import SetTemperature
+from gateway.ipc.messages import Done, Reply, Request
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.service import MqttService

@@ -5,23 +5,25 @@ happen now, does one, and holds it against the rules (``tests.verify.rules``). B
 to know is a state: the line's (``tests.verify.snapshot``) and the world's own, a tuple that never changes.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from typing import Any, Final, NamedTuple
 
-from gateway.compensation.settings import Gain
+from gateway.compensation.table import CorrectionTable
 from gateway.exchange.axis.record_layout import BOOT, HEADER, SLOT_SIZE, SLOTS_AT
-from gateway.exchange.control import (
-    ControlError,
-    Declare,
+from gateway.exchange.commands import (
+    Command,
+    Disable,
+    Enable,
     EndDryRun,
     SetGain,
-    SetTables,
+    SetReference,
+    SetTable,
     SetTemperature,
-    Switch,
-    TableChange,
+    TableFor,
 )
+from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
 from gateway.exchange.gate import UNSEEN
 from gateway.exchange.line import LineExchange
@@ -1199,9 +1201,8 @@ class World:
         number = 1 - self.state.table
         self.state = self.state._replace(table=number)
         table = self.screws[number].table()
-        self._control(
-            lambda: SetTables(tuple(TableChange(plan.name, table, "", "", "") for plan in self.design.plans))
-        )
+        wanted = tuple(TableFor(plan.name, "", "", "") for plan in self.design.plans)
+        self._command(SetTable(tables=wanted), [table] * len(wanted))
 
     def _on_temperature(self) -> None:
         """The sensor says that the screw is warm, or as cold as its table."""
@@ -1210,22 +1211,23 @@ class World:
         plan = self.design.plans[0]
         assert plan.thermal is not None
         celsius = plan.thermal.reference + (WARMER_K if is_warm else 0.0)
-        self._control(lambda: SetTemperature(plan.name, celsius))
+        self._command(SetTemperature(axis=plan.name, celsius=celsius))
         self._on_wait()  # what counts follows the sensor by the clock
 
     def _on_gain(self) -> None:
         is_half = not self.state.is_gain_half
         self.state = self.state._replace(is_gain_half=is_half)
-        gain = Gain(0.5, 0.5) if is_half else Gain()
-        self._control(lambda: SetGain(self.design.plans[0].name, gain))
+        share = 0.5 if is_half else 1.0
+        self._command(SetGain(axes=(self.design.plans[0].name,), forward=share, backward=share))
 
     def _on_switch(self) -> None:
         self.state = self.state._replace(is_wanted=not self.state.is_wanted)
-        self._control(lambda: Switch(self.design.plans[0].name, self.state.is_wanted))
+        axes = (self.design.plans[0].name,)
+        self._command(Enable(axes=axes) if self.state.is_wanted else Disable(axes=axes))
 
     def _on_end_dry_run(self) -> None:
         try:
-            self._control(lambda: EndDryRun(self.design.plans[0].name))
+            self._command(EndDryRun(axes=(self.design.plans[0].name,)))
         except ControlError as error:
             rules.judge_dry_run(self, 0, str(error))
         else:
@@ -1234,11 +1236,11 @@ class World:
 
     def _on_declare(self) -> None:
         facts.declared(self, 0)
-        self._control(lambda: Declare(self.design.plans[0].name))
+        self._command(SetReference(axis=self.design.plans[0].name))
 
-    def _control(self, message: Callable[[], Any]) -> None:
+    def _command(self, command: Command, tables: Sequence[CorrectionTable] = ()) -> None:
         for side in self.sides:
-            side.line.control(message(), self.now_ns)
+            side.line.command(command, self.now_ns, tables)
         self._collect()
 
     # --- the drive -------------------------------------------------------------------------------------

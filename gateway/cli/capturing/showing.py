@@ -155,7 +155,7 @@ class _Showing:
             says = {"time": when, **msgspec.to_builtins(entry), "words": text.split(None, 2)[-1]}
             sys.stdout.write(json.dumps(says, ensure_ascii=False) + "\n")
             return
-        kind = type(entry).__name__.lower()
+        kind = traffic.kind_of(entry)
         is_wrong = "exception" in text or kind in ("abandoned", "stray", "down")
         self._console.print(Text(text, TROUBLE if is_wrong else COLOURS.get(kind, "yellow")))
 

@@ -66,7 +66,7 @@ def read_frames(state: Path, plan: GatewayPlan, line: str) -> list[dict[str, Any
         for t_ns, entry in capture.newest(SHOWN):
             if isinstance(entry, traffic.Header | traffic.End | traffic.Port | traffic.Beginning):
                 continue
-            kind = type(entry).__name__.lower()
+            kind = traffic.kind_of(entry)
             time_s = capture.wall_ns(t_ns) / NS_PER_S
             frames.append(
                 {

@@ -7,8 +7,9 @@ from typing import Annotated, Any, Final, Literal
 
 import msgspec
 
+from gateway.exchange.commands import Disable, Enable, SetGain, Share
 from gateway.ipc.client import NoGatewayError
-from gateway.ipc.messages import Disable, Done, Enable, Reply, Request, SetGain, Share
+from gateway.ipc.messages import Done, Reply, Request
 from gateway.supervisor.mqtt.topics import COMMANDS
 from gateway.supervisor.outcome import Outcome
 

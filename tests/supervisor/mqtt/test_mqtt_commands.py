@@ -10,8 +10,9 @@ import pytest
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
+from gateway.exchange.commands import Disable, Enable, SetGain
 from gateway.ipc.client import NobodyListensError
-from gateway.ipc.messages import Disable, Done, Enable, Request, SetGain
+from gateway.ipc.messages import Done, Request
 from gateway.supervisor.mqtt.commands import Orders, carry_out
 from gateway.supervisor.outcome import Outcome
 from tests.mosquitto import ANYBODY, PATIENCE_S, Watcher, broker_in, payload_of, watching

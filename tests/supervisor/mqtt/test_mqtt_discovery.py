@@ -11,8 +11,8 @@ import pytest
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from gateway.compensation.units import Units
+from gateway.exchange.commands import Disable, Enable
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
-from gateway.ipc.messages import Disable, Enable
 from gateway.supervisor.mqtt.discovery import TABLE, UNITS, discovery_messages
 from gateway.supervisor.mqtt.messages import Payload, moving_message, moving_topics, retained_messages
 from gateway.supervisor.mqtt.settings import Settings

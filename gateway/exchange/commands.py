@@ -1,0 +1,145 @@
+"""Commands to a running line: one struct for each, which the socket, MQTT, recordings and the line pass on.
+
+:func:`gateway.exchange.control.carry_out` carries them out. A new command is its struct here, its handler
+there, and its place on the command line.
+"""
+
+from typing import Annotated, ClassVar, Final
+
+import msgspec
+
+VERSION: Final = 2
+"""Of the messages on the gateway's socket."""
+MAX_TABLES: Final = 16
+"""In one command: the axes of a group are changed together, and no gantry has more."""
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What all messages on the socket have."""
+
+    version: int = VERSION
+
+
+class Enable(Message, frozen=True, tag="enable", tag_field="kind"):
+    """Switch the compensation of axes on; no names: of all axes. A group changes as one."""
+
+    stays: ClassVar[str] = "switch"
+    axes: tuple[str, ...] = ()
+
+
+class Disable(Message, frozen=True, tag="disable", tag_field="kind"):
+    """Switch the compensation of axes off; no names: of all axes. A group changes as one."""
+
+    stays: ClassVar[str] = "switch"
+    axes: tuple[str, ...] = ()
+
+
+class EndDryRun(Message, frozen=True, tag="end-dry-run", tag_field="kind"):
+    """Apply what axes in shadow only showed; their configuration says ``on`` now."""
+
+    stays: ClassVar[str] = "switch"
+    axes: tuple[str, ...]
+
+
+class SetReference(Message, frozen=True, tag="reference", tag_field="kind"):
+    """Tell the gateway that an axis stands where its drive says."""
+
+    stays: ClassVar[str] = ""
+    axis: str
+
+
+class TableFor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A table and its axis. Its points travel beside the command, at the same place in their order."""
+
+    axis: str
+    file: str
+    format: str
+    sha256: str
+    """Of the file that it was read from."""
+
+
+class SetTable(Message, frozen=True, tag="set-table", tag_field="kind"):
+    """Hand over tables, all of them or none; recorded by their digests."""
+
+    stays: ClassVar[str] = "table"
+    tables: Annotated[tuple[TableFor, ...], msgspec.Meta(min_length=1, max_length=MAX_TABLES)]
+
+
+class ClearTable(Message, frozen=True, tag="clear-table", tag_field="kind"):
+    """Take the tables of axes away, and so their correction; axes of a group lose theirs together."""
+
+    stays: ClassVar[str] = "table"
+    axes: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
+
+
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+
+
+class SetGain(Message, frozen=True, tag="set-gain", tag_field="kind"):
+    """Apply another share of the tables, until the gateway is started again; no names: of all axes.
+
+    A command is for the whole group of an axis. What the configuration says (``is_configured``) is for each
+    axis alone.
+    """
+
+    stays: ClassVar[str] = "gain"
+    forward: Share
+    backward: Share
+    axes: tuple[str, ...] = ()
+    is_configured: bool = False
+
+
+Limit = Annotated[float, msgspec.Meta(ge=0.0)]
+
+
+class SetLimits(Message, frozen=True, tag="set-limits", tag_field="kind"):
+    """Give an axis other limits, in its units; those of its configuration, as long as the gateway runs."""
+
+    stays: ClassVar[str] = "limits"
+    axis: str
+    max_correction: Limit
+    max_slope: Limit
+    travel_margin: Limit
+    budget_us: Limit
+
+
+class SetTemperature(Message, frozen=True, tag="set-temperature", tag_field="kind"):
+    """Tell the temperature of the screw of an axis, in °C, as it is now."""
+
+    stays: ClassVar[str] = "temperature"
+    axis: str
+    celsius: float
+
+
+Command = (
+    Enable | Disable | EndDryRun | SetReference | SetTable | ClearTable | SetGain | SetLimits | SetTemperature
+)
+"""``stays`` names what a command leaves changed: the last one of each name holds. Empty: nothing."""
+
+
+def axes_of(command: Command) -> tuple[str, ...]:
+    """Return the names of the axes that a command is for; none: all.
+
+    >>> axes_of(SetReference(axis="x")), axes_of(Enable())
+    (('x',), ())
+    """
+    match command:
+        case SetReference(axis=axis) | SetLimits(axis=axis) | SetTemperature(axis=axis):
+            return (axis,)
+        case SetTable(tables=tables):
+            return tuple(table.axis for table in tables)
+        case Enable(axes=axes) | Disable(axes=axes) | EndDryRun(axes=axes):
+            return axes
+        case ClearTable(axes=axes) | SetGain(axes=axes):
+            return axes
+
+
+def for_axis(command: Command, axis: str) -> Command:
+    """Return the same command for one of its axes.
+
+    >>> for_axis(Enable(), "x")
+    Enable(axes=('x',), version=2)
+    """
+    if isinstance(command, SetReference | SetTable | SetLimits | SetTemperature):
+        return command
+    return msgspec.structs.replace(command, axes=(axis,))
