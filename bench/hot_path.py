@@ -37,10 +37,11 @@ from gateway.ipc import traffic
 from gateway.ipc.tape import Tape
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
+from gateway.relay.alarm import LineAlarm
 from gateway.relay.controller_port import RtuControllerPort
 from gateway.relay.drive_link import RtuDriveLink
-from gateway.relay.recorded import RecordedExchange, RecordedLink, TapeSink
-from gateway.relay.timed import TimedExchange
+from gateway.relay.pulse import Beats
+from gateway.relay.recorded import TapeTap
 from gateway.transport.channel import Channel
 
 ROUNDS = 15
@@ -167,14 +168,14 @@ def relayed_write(*, is_taped: bool) -> Callable[[int], object]:
     In a running loop.
     """
     link = RtuDriveLink(0, RtuReplyDecoder())
+    tap = None
     if is_taped:
-        sink = TapeSink("line", Tape("line", TAPE_BYTES, boot_ns(), time.time_ns()), _beginning)
-        line = LineExchange([plan_of_x()], LineTiming(), RecordedLink(link, sink), lambda _: None)
-        exchange: TimedExchange = RecordedExchange(line, "line", sink)
-    else:
-        exchange = TimedExchange(LineExchange([plan_of_x()], LineTiming(), link, lambda _: None))
-    link.attach(exchange)
-    port = RtuControllerPort(ControllerPlan("cnc", serial=True), exchange, RtuRequestDecoder(), 0)
+        tap = TapeTap("line", Tape("line", TAPE_BYTES, boot_ns(), time.time_ns()), _beginning)
+    line = LineExchange([plan_of_x()], LineTiming(), link, lambda _: None, tap=tap)
+    LineAlarm(line, lambda: 0)
+    link.attach(line)
+    plan = ControllerPlan("cnc", serial=True)
+    port = RtuControllerPort(plan, line, RtuRequestDecoder(), 0, beats=Beats())
     port.opened(_End(), boot_ns())
     link.opened(_End(), boot_ns())
     return read_by(port.received, link.received)

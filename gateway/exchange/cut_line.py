@@ -20,6 +20,7 @@ from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import ReadPath, WritePath
 from gateway.exchange.leads import CRC_BYTES, REMEMBERED, MeasuredLead, Piece, guard_ns, margin_ns
 from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import FastPath, Phase, Transaction
 from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
 from gateway.modbus.rtu_line import pause_ns
@@ -92,9 +93,20 @@ class CutLine:
         units: the register maps of the line.
         wire: of the drives.
         gap_ns: silence that the drives want before each request.
+        tap: listens. What is no whole frame yet it does not hear.
     """
 
-    def __init__(self, line: CuttingLine, link: DriveLink, units: Units, wire: Wire, gap_ns: int) -> None:
+    def __init__(
+        self,
+        line: CuttingLine,
+        link: DriveLink,
+        units: Units,
+        wire: Wire,
+        gap_ns: int,
+        *,
+        tap: Tap | None = None,
+    ) -> None:
+        self.tap = tap
         self.line = line
         self.link = link
         self.units = units
@@ -292,6 +304,8 @@ class RequestCutter:
             return False
         cuts, is_whole = self._cuts, cut.state is Cut.WHOLE
         if is_whole:
+            if cuts.tap is not None:
+                cuts.tap.sent(cut.left[0], cut.left[1:-CRC_BYTES])
             cuts.link.leave(cut.left[0], cut.left[1:-CRC_BYTES], out)
         elif out:
             cuts.link.lead(out)
@@ -421,7 +435,9 @@ class ReplyCutter:
         port = transaction.port
         assert port is not None
         if cut.state is Cut.WHOLE:
-            reply = cut.left[1:-CRC_BYTES]
+            reply, tap = cut.left[1:-CRC_BYTES], self._cuts.tap
+            if tap is not None:
+                tap.answered_early(port, transaction.transaction_id, transaction.unit_id, reply)
             port.leave(transaction.transaction_id, transaction.unit_id, reply, out)
         elif out:
             port.lead(out)

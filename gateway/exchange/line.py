@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
 from gateway.compensation.table import CorrectionTable
+from gateway.compiled import mypyc_attr
 from gateway.exchange.added_frames import (
     AddedFrame,
     Purpose,
@@ -51,12 +52,13 @@ from gateway.exchange.meaning import Meaning
 from gateway.exchange.meter import LineMeter
 from gateway.exchange.ownership import Ownership
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, LineTiming, OtherUnits
-from gateway.exchange.ports import ControllerPort, DriveLink, OwnUnit
+from gateway.exchange.ports import Alarm, ControllerPort, DriveLink, OwnUnit
 from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.renewal import Held, Renewal, longest_lost_ns
 from gateway.exchange.request import Known
 from gateway.exchange.rest import Rest
+from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import (
     LOST,
     NO_RESPONSE,
@@ -91,6 +93,7 @@ REFUSALS_TOLD: Final = 10
 """So many refusals of a kind are told of an axis in a second; of more how many there were."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class LineExchange(CuttingLine):
     """The transactions of one line and the axes on it."""
 
@@ -107,7 +110,11 @@ class LineExchange(CuttingLine):
         what_ran: Callable[[int, int], str] = lambda _since_ns, _until_ns: "",
         own_unit: OwnUnit | None = None,
         cut_through: Wire | None = None,
+        tap: Tap | None = None,
     ) -> None:
+        self._tap = tap
+        self.alarm: Alarm | None = None
+        """Set to the deadline after each call; None: whoever drives the line asks for :attr:`deadline_ns`."""
         self.axes = tuple([Axis(plan) for plan in axes])
         join(self.axes, groups)
         self.counters = LineCounters()
@@ -120,7 +127,7 @@ class LineExchange(CuttingLine):
         self._own_unit_id = NO_UNIT_ID if own_unit is None else own_unit.unit_id
         self._on_event = on_event
         self._ownership = Ownership(self.axes, self._units, on_event)
-        self._ends = Endings(self.counters, on_event, self._lose, self._units.get)
+        self._ends = Endings(self.counters, on_event, self._lose, self._units.get, tap)
         self._admission = Admission(self._units, self._ends, self._ownership, on_event)
         self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
         self.rest = Rest(timing)
@@ -157,7 +164,8 @@ class LineExchange(CuttingLine):
         """Of a line whose frames may leave while they arrive; ``cut_through`` is the wire of its drives."""
         if cut_through is not None:
             gap_ns = int(timing.gap_ms * NS_PER_MS)
-            self.cuts = CutLine(self, link, self._units, cut_through, gap_ns)
+            self.cuts = CutLine(self, link, self._units, cut_through, gap_ns, tap=tap)
+            self.cuts.on_change = self._settle
             self.cuts.stored_units = other_units.unit_ids
             self.cuts.tell_no_gain = lambda why: on_event(Event(EventKind.CUT_THROUGH_OFF, None, why))
 
@@ -247,6 +255,21 @@ class LineExchange(CuttingLine):
         ``why_given_up``: its controller gave up on it before it could be sent. Then it goes out only if it is
         a stop; anything else never reaches the drive (W5, M3).
         """
+        if self._tap is not None:
+            self._tap.request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
+        self._request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
+        self._settle()
+
+    def _request(
+        self,
+        port: ControllerPort,
+        transaction_id: int,
+        unit_id: int,
+        pdu: bytes,
+        now_ns: int,
+        *,
+        why_given_up: str,
+    ) -> None:
         if not len(pdu):
             self.counters.malformed += 1
             return
@@ -365,6 +388,8 @@ class LineExchange(CuttingLine):
 
         ``is_broken``: its controller did not close it; see ``Ownership.gone`` for what that costs (M1).
         """
+        if self._tap is not None:
+            self._tap.gone(port, now_ns, is_broken=is_broken)
         if self.cuts is not None:
             self.cuts.gone(port, now_ns)
             if self._current is not None and self._current.port is port:
@@ -373,6 +398,7 @@ class LineExchange(CuttingLine):
         self._admission.gone(port, now_ns, is_broken=is_broken)
         if is_broken and self._current is not None and self._current.port is port:
             self._broken_off = port
+        self._settle()
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
@@ -392,6 +418,8 @@ class LineExchange(CuttingLine):
         self, command: Command, now_ns: int, tables: Sequence[CorrectionTable] = ()
     ) -> dict[str, str]:
         """Do what a command asks for; see ``control.carry_out``. Raises ControlError."""
+        if self._tap is not None:
+            self._tap.command(command, tables, now_ns)
         current = self._current
         if isinstance(command, EndDryRun) and current is not None and not current.only_reads:
             raise ControlError(f"axis {command.axes[0]} stays in shadow: {ON_THE_WIRE}")
@@ -403,15 +431,22 @@ class LineExchange(CuttingLine):
         elif isinstance(command, EndDryRun):
             self._units.forget_paths()
         self._report(self.axes)
+        self._settle()
         return changed
 
     # --- from the drives -------------------------------------------------------------------------------
 
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """Take the reply that the link framed for the transaction on the wire."""
+        if self._tap is not None:
+            self._tap.reply(unit_id, pdu, now_ns)
+        self._reply(unit_id, pdu, now_ns)
+        self._settle()
+
+    def _reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         transaction = self._current
         if transaction is None or unit_id != transaction.wire_unit_id or not len(pdu):
-            self.stray(now_ns)
+            self._stray(now_ns, NO_UNIT_ID)
             return
         if len(pdu) > MAX_PDU:  # it cannot be passed on
             self._current = None
@@ -574,6 +609,12 @@ class LineExchange(CuttingLine):
         A whole frame that nobody asked for means that a drive answers late or twice, and that the next reply
         may be that of another request: a serial line is left alone until it is silent.
         """
+        if self._tap is not None:
+            self._tap.stray(now_ns, unit_id)
+        self._stray(now_ns, unit_id)
+        self._settle()
+
+    def _stray(self, now_ns: int, unit_id: int) -> None:
         self.counters.late += 1
         self._renewal.hear()
         if self._current is not None and self._current.phase is Phase.LEAVING:
@@ -590,14 +631,21 @@ class LineExchange(CuttingLine):
         if is_awaited and self._current is None:
             self._next(now_ns)
 
-    def unframed(self) -> None:
+    def unframed(self, now_ns: int) -> None:
         """Note bytes of the drives of which no frame was made yet: the connection lives."""
+        if self._tap is not None:
+            self._tap.unframed(now_ns)
         self._renewal.hear()
 
     def link_up(self, now_ns: int) -> None:
         """Note that the drives can be reached. What that means, :data:`~.link_loss.LINK_LOSS` says."""
-        if self.is_up:
-            return
+        if self._tap is not None:
+            self._tap.link_up(now_ns)
+        if not self.is_up:
+            self._link_up(now_ns)
+        self._settle()
+
+    def _link_up(self, now_ns: int) -> None:
         state = self.link_state
         self._end_blink(now_ns)
         loss = LinkLoss.BLINK if state.is_blinking else state.loss
@@ -633,8 +681,13 @@ class LineExchange(CuttingLine):
 
         ``reason``: why, where that is known. ``is_orderly``: the other end has closed it, and nothing broke.
         """
-        if not self.is_up:
-            return
+        if self._tap is not None:
+            self._tap.link_down(now_ns, reason, is_orderly=is_orderly)
+        if self.is_up:
+            self._link_down(now_ns, reason, is_orderly=is_orderly)
+        self._settle()
+
+    def _link_down(self, now_ns: int, reason: str, *, is_orderly: bool) -> None:
         current, self._current = self._current, None
         is_idle = is_orderly and current is None and self._link.connects and self._renewal.owes_nothing
         detail = reason
@@ -887,11 +940,27 @@ class LineExchange(CuttingLine):
 
     # --- time ------------------------------------------------------------------------------------------
 
+    def rest_first(self, now_ns: int) -> None:
+        """Begin with a silence: the drives may still answer what was asked before (W6)."""
+        if self._tap is not None:
+            self._tap.rest_first(now_ns)
+        self.rest.owe()
+
+    def _settle(self) -> None:
+        """Have the line woken at its deadline, which may be another one now."""
+        if self.alarm is not None:
+            self.alarm.arm(self.deadline_ns)
+
     def tick(self, now_ns: int) -> None:
         """Do what has fallen due."""
         deadline_ns = self.deadline_ns
-        if deadline_ns is None or now_ns < deadline_ns:
-            return
+        if deadline_ns is not None and now_ns >= deadline_ns:
+            if self._tap is not None:
+                self._tap.timer(now_ns)
+            self._tick(now_ns)
+        self._settle()
+
+    def _tick(self, now_ns: int) -> None:
         is_timed_out = self._current is not None
         if self._current is not None:
             self._time_out(self._current, now_ns)
@@ -912,6 +981,8 @@ class LineExchange(CuttingLine):
 
     def stop(self, now_ns: int) -> None:
         """Send nothing new; the transaction on the wire ends as it would have (see :attr:`is_idle`)."""
+        if self._tap is not None:
+            self._tap.stop(now_ns)
         self._is_stopping = True
         for transaction in self._waiting.withdraw(lambda _: True):
             self._withdraw(transaction, "the gateway stops", now_ns)
@@ -1254,6 +1325,8 @@ class LineExchange(CuttingLine):
         if self._holds and transaction.is_stop:
             self._note_early(transaction)
         transaction.leave(now_ns, unit_id, patience_ns)
+        if self._tap is not None:
+            self._tap.sent(unit_id, pdu)
         if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
             self._link.send_request(unit_id, pdu)
             self._end_broadcast(transaction, now_ns)
@@ -1293,7 +1366,8 @@ class LineExchange(CuttingLine):
         sent_pdu = leave_on(path, transaction, target, now_ns)
         if sent_pdu is None:
             return None
-        port.note_request(transaction.transaction_id, transaction.unit_id, pdu, now_ns)
+        if self._tap is not None:  # as if it had been stored
+            self._tap.request(port, transaction.transaction_id, transaction.unit_id, pdu, now_ns)
         transaction.take(path)
         patience_ns = max(self._response_timeout_ns, port.patience_ns)
         transaction.leave(now_ns, transaction.unit_id, patience_ns)
@@ -1400,6 +1474,8 @@ class LineExchange(CuttingLine):
         return f"unit id {unit_id} {self._link.came_instead(unit_id)}".rstrip()
 
     def _time_out(self, transaction: Transaction, now_ns: int) -> None:
+        if self._tap is not None:
+            self._tap.abandoned()
         self._link.abandon()
         if self.cuts is not None:
             self.cuts.reply.end(Turn.STALLED, now_ns)

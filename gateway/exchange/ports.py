@@ -11,6 +11,14 @@ from gateway.exchange.plan import ControllerPlan, Role
 from gateway.times import NS_PER_MS
 
 
+class Alarm:
+    """Wakes a line at its deadline."""
+
+    def arm(self, deadline_ns: int | None) -> None:
+        """Call ``tick`` at this time, and at no other; None: not at all."""
+        raise NotImplementedError
+
+
 class Stamps:
     """When the newest frame left, over a controller's port or a drive link. Monotonic, in ns."""
 
@@ -59,6 +67,8 @@ class ControllerPort:
         """Whether its frames may be odd: it is a serial port, on which silence says where they end."""
         self.gate: Gate | None = UNSEEN
         """What it may ask for; None: whatever its role allows. The exchange's own."""
+        self.number = 0
+        """Its number in a recording; 0: it has asked for nothing yet. The tap's own."""
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """Frame and send a reply. ``transaction_id`` is the request's own (0 on serial lines)."""
@@ -77,9 +87,6 @@ class ControllerPort:
     def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
         """Send the rest of a reply; what has left with it is this one."""
         raise NotImplementedError
-
-    def note_request(self, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
-        """A request of this port leaves with its check sum, which came in this moment: take it down."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

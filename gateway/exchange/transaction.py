@@ -31,6 +31,7 @@ from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Frame
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.request import Known, Rewriting
+from gateway.exchange.tap import Tap
 from gateway.exchange.translate import note_discrete, outcome_of, reply_without_positions, turned_back
 from gateway.exchange.unit import UnitMap
 from gateway.limits import Reports, others_of_pairs, times
@@ -452,6 +453,7 @@ class Endings:
         on_event: hears what is worth a word.
         lose: notes what a request that never left would have written (``ownership``).
         unit_of: the register map of a unit id.
+        tap: listens.
     """
 
     def __init__(
@@ -460,7 +462,9 @@ class Endings:
         on_event: Callable[[Event], None],
         lose: Callable[[Transaction, int, Loss], None],
         unit_of: Callable[[int], UnitMap | None],
+        tap: Tap | None = None,
     ) -> None:
+        self._tap = tap
         self._counters = counters
         self._on_event = on_event
         self._lose = lose
@@ -512,6 +516,8 @@ class Endings:
         if port is None or transaction.is_orphan:
             return
         if not (port.is_serial and transaction.unit_id == BROADCAST_UNIT_ID):  # nobody answers a broadcast
+            if self._tap is not None:
+                self._tap.answered(port, transaction.transaction_id, transaction.unit_id, pdu)
             port.send_reply(transaction.transaction_id, transaction.unit_id, pdu)
 
     def _pass_back(

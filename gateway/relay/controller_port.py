@@ -8,9 +8,9 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.clock import boot_ns
-from gateway.compiled import mypyc_attr
 from gateway.exchange.cut_line import RequestCutter, Wire
 from gateway.exchange.cut_through import Turn
+from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, writer_name
 from gateway.modbus.mbap import Adu, MbapCounters, MbapDecoder, encode_mbap, too_long
@@ -41,53 +41,23 @@ class Asked:
         """When its newest whole request came; 0: never."""
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
-class Requests:
-    """Where whole requests go: the exchange of a line.
-
-    ``beats`` tell whether the process stood still.
-    """
-
-    def __init__(self, beats: Beats) -> None:
-        self.beats = beats
-
-    def request(
-        self,
-        port: ControllerPort,
-        transaction_id: int,
-        unit_id: int,
-        pdu: bytes,
-        now_ns: int,
-        *,
-        why_given_up: str = "",
-    ) -> None:
-        """Take a whole request; see ``LineExchange``."""
-        raise NotImplementedError
-
-    def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
-        """Note that a controller's connection or port was lost; ``is_broken``: not by closing it."""
-        raise NotImplementedError
-
-    def follow(self, port: ControllerPort, wire: Wire) -> RequestCutter | None:
-        """Return what follows the requests of a serial port; None: on this line nothing is cut through."""
-        return None
-
-
 class MbapControllerPort(ControllerPort):
     """One Modbus/TCP connection of a controller."""
 
     def __init__(
         self,
         plan: ControllerPlan,
-        exchange: Requests,
+        exchange: LineExchange,
         counters: MbapCounters,
         on_malformed: Callable[[str], None],
         *,
+        beats: Beats,
         asked: Asked | None = None,
     ) -> None:
         super().__init__(plan)
         self._asked = asked or Asked()
         self._exchange = exchange
+        self._beats = beats
         self._on_malformed = on_malformed
         self._decoder = MbapDecoder(counters)
         self._fresh_ns = min(FRESH_NS, self.patience_ns)
@@ -124,7 +94,7 @@ class MbapControllerPort(ControllerPort):
         requests = NO_OTHERS if is_one else decoder.feed(data)
         is_any = is_one or len(requests) > 0
         why_given_up = TOO_SLOW if is_any and now_ns - began_ns > self.patience_ns else ""
-        beats = self._exchange.beats
+        beats = self._beats
         may_be_old = beats.stood_still(now_ns, self._fresh_ns)
         if may_be_old and beats.stood_still(now_ns, self.patience_ns):
             why_given_up = STOOD_STILL
@@ -178,11 +148,12 @@ class RtuControllerPort(ControllerPort):
     def __init__(
         self,
         plan: ControllerPlan,
-        exchange: Requests,
+        exchange: LineExchange,
         decoder: RtuRequestDecoder,
         gap_ns: int,
         wire: Wire | None = None,
         *,
+        beats: Beats,
         asked: Asked | None = None,
         echo: ReplyEcho | None = None,
         on_echo: Callable[[], None] = lambda: None,
@@ -193,6 +164,7 @@ class RtuControllerPort(ControllerPort):
         self._has_told_echo = False
         self._asked = asked or Asked()
         self._exchange = exchange
+        self._beats = beats
         self._decoder = decoder
         self._gap_ns = gap_ns
         self._wire = wire
@@ -228,8 +200,8 @@ class RtuControllerPort(ControllerPort):
         self._sender = PacedSender(0, self._gap_ns)
         self.stamps = self._sender.stamps
         self._sender.opened(channel, now_ns)
-        if self._wire is not None:
-            self._cutter = self._exchange.follow(self, self._wire)
+        if self._wire is not None and self._exchange.cuts is not None:
+            self._cutter = self._exchange.cuts.follow(self, self._wire)
         if self._cutter is not None:
             self._cut_timer = Timer(self._cut_due)
 
@@ -250,7 +222,7 @@ class RtuControllerPort(ControllerPort):
             self.whole += 1
             pdu, requests = b"", requests[1:]
         is_one = len(pdu) > 0
-        beats = self._exchange.beats
+        beats = self._beats
         why_given_up = ""
         if beats.stood_still(now_ns, self.patience_ns):
             why_given_up = STOOD_STILL
@@ -329,7 +301,7 @@ class RtuControllerPort(ControllerPort):
 
     def _without_echo(self, echo: ReplyEcho, data: bytes, now_ns: int) -> bytes:
         if echo.is_expected:
-            has_slept = self._exchange.beats.stood_still(now_ns, FRESH_NS)
+            has_slept = self._beats.stood_still(now_ns, FRESH_NS)
             data = echo.take(data, now_ns, has_slept=has_slept)
         elif data == self._replied_frame:
             wire_ns = 2 * len(data) * self.stamps.wire_ns_per_byte
@@ -342,7 +314,7 @@ class RtuControllerPort(ControllerPort):
 
     def _cut(self, cutter: RequestCutter, data: bytes, now_ns: int) -> bool:
         """Let bytes leave that may; return whether they ended a request that has left with them."""
-        if self._exchange.beats.stood_still(now_ns, self.patience_ns):
+        if self._beats.stood_still(now_ns, self.patience_ns):
             cutter.end(Turn.STALLED, now_ns)
             return False
         has_left = cutter.feed(data, now_ns, is_fresh=self._decoder.is_between_frames)
@@ -362,7 +334,7 @@ class RtuControllerPort(ControllerPort):
         requests = self._decoder.on_silence(now_ns)
         if self._timer is not None:
             self._timer.arm(self._decoder.deadline_ns)
-        has_stood_still = self._exchange.beats.stood_still(now_ns, self.patience_ns)
+        has_stood_still = self._beats.stood_still(now_ns, self.patience_ns)
         self._pass_on(requests, now_ns, STOOD_STILL if has_stood_still else "")
 
     def _pass_on(self, requests: list[tuple[int, bytes]], now_ns: int, why_all: str = "") -> None:

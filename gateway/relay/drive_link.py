@@ -11,12 +11,12 @@ from typing import Final
 
 from gateway.compiled import mypyc_attr
 from gateway.exchange.cut_line import ReplyCutter
+from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, answers_with, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from gateway.modbus.rtu_replies import RETURNED_OFTEN
 from gateway.relay.pacing import PacedSender
-from gateway.relay.timed import TimedExchange
 from gateway.transport.channel import CLOSED_BY_PEER, Channel
 from gateway.transport.tcp import TcpConnector
 from gateway.transport.timer import Timer
@@ -115,7 +115,7 @@ class Link(DriveLink):
         if self.connector is not None:
             self.connector.hang_up(returns=returns)
 
-    def attach(self, exchange: TimedExchange) -> None:
+    def attach(self, exchange: LineExchange) -> None:
         """Name the exchange that gets the replies; before the first byte."""
         raise NotImplementedError
 
@@ -167,7 +167,7 @@ class RtuDriveLink(Link):
         self._decoder = decoder
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
-        self._exchange: TimedExchange
+        self._exchange: LineExchange
         self._cutter: ReplyCutter | None = None
         self._cut_timer: Timer | None = None
         self._has_echo = has_echo
@@ -185,7 +185,7 @@ class RtuDriveLink(Link):
         """See ``Link``."""
         return self._decoder.returned >= RETURNED_OFTEN
 
-    def attach(self, exchange: TimedExchange) -> None:
+    def attach(self, exchange: LineExchange) -> None:
         """See ``Link``."""
         self._exchange = exchange
         if exchange.cuts is not None:
@@ -388,7 +388,7 @@ class MbapDriveLink(Link):
         self._sender = PacedSender(gap_ns)
         self._decoder = MbapDecoder(longest_length=LARGEST_SENT)
         self._channel: Channel | None = None
-        self._exchange: TimedExchange
+        self._exchange: LineExchange
         self._last_id = 0
         self._awaited_id = NONE
         self._other_id = self._other_for = NONE
@@ -400,7 +400,7 @@ class MbapDriveLink(Link):
         self._malformed = 0
         self.stamps = self._sender.stamps
 
-    def attach(self, exchange: TimedExchange) -> None:
+    def attach(self, exchange: LineExchange) -> None:
         """See ``Link``."""
         self._exchange = exchange
 

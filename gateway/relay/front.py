@@ -15,6 +15,7 @@ from gateway.catalogue.line_events import (
 )
 from gateway.clock import boot_ns
 from gateway.exchange.cut_line import Wire
+from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
@@ -24,9 +25,9 @@ from gateway.relay.controller_port import Asked, MbapControllerPort, RtuControll
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Place, keep_port, open_kept
 from gateway.relay.last_minute import LastMinute
+from gateway.relay.pulse import Beats
 from gateway.relay.refusals import Refusals
 from gateway.relay.secure_door import SecureDoor
-from gateway.relay.timed import TimedExchange
 from gateway.relay.watchdog import Accepting
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc
@@ -50,12 +51,15 @@ class TcpFront:
         line: str,
         link: ControllerLink,
         endpoint: TcpEndpoint,
-        exchange: TimedExchange,
+        exchange: LineExchange,
         journal: Journal,
+        *,
+        beats: Beats,
     ) -> None:
         self.plan: ControllerPlan = link.plan
         self.endpoint = endpoint
         self._exchange = exchange
+        self._beats = beats
         self._note = _noter(journal, line, link.plan.name)
         self._asked = Asked()
         self._counters = MbapCounters()
@@ -152,8 +156,12 @@ class TcpFront:
         if self.endpoint.rtu:
             decoder = request_decoder(self.endpoint)
             decoder.counters = self._rtu_counters
-            return RtuControllerPort(plan, self._exchange, decoder, gap_ns=0, asked=self._asked)
-        return MbapControllerPort(plan, self._exchange, self._counters, self._malformed, asked=self._asked)
+            return RtuControllerPort(
+                plan, self._exchange, decoder, gap_ns=0, beats=self._beats, asked=self._asked
+            )
+        return MbapControllerPort(
+            plan, self._exchange, self._counters, self._malformed, beats=self._beats, asked=self._asked
+        )
 
     def _malformed(self, peer: str) -> None:
         self._refusals.count(CONNECTION_MALFORMED, host_of(peer), GARBAGE)
@@ -167,9 +175,10 @@ class SerialFront:
         line: str,
         link: ControllerLink,
         endpoint: SerialEndpoint,
-        exchange: TimedExchange,
+        exchange: LineExchange,
         journal: Journal,
         *,
+        beats: Beats,
         odd_units: frozenset[int],
     ) -> None:
         self.plan: ControllerPlan = link.plan
@@ -182,6 +191,7 @@ class SerialFront:
             request_decoder(endpoint, odd_units),
             frame_silence_ns(endpoint),
             wire_of(endpoint),
+            beats=beats,
             asked=self._asked,
             echo=ReplyEcho(is_told=endpoint.echo),
             on_echo=lambda: note(ADAPTER_ECHOES, f"{endpoint}: {RETURNS}"),
@@ -255,15 +265,16 @@ Front = TcpFront | SerialFront
 def make_front(
     line: str,
     link: ControllerLink,
-    exchange: TimedExchange,
+    exchange: LineExchange,
     journal: Journal,
     *,
+    beats: Beats,
     odd_units: frozenset[int],
 ) -> Front:
     """Return the front of a configured controller; ``odd_units`` as in ``OtherUnits``."""
     if isinstance(link.endpoint, TcpEndpoint):
-        return TcpFront(line, link, link.endpoint, exchange, journal)
-    return SerialFront(line, link, link.endpoint, exchange, journal, odd_units=odd_units)
+        return TcpFront(line, link, link.endpoint, exchange, journal, beats=beats)
+    return SerialFront(line, link, link.endpoint, exchange, journal, beats=beats, odd_units=odd_units)
 
 
 def wire_of(endpoint: SerialEndpoint) -> Wire:

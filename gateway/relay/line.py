@@ -39,11 +39,13 @@ from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.exchange.ports import OwnUnit
 from gateway.exchange.status import axes_status, line_status
+from gateway.exchange.tap import Tap
 from gateway.ipc import traffic
 from gateway.ipc.compiled_table import compiled
 from gateway.ipc.plan import LinePlan
 from gateway.ipc.tape import Tape
 from gateway.relay.activity import Activity
+from gateway.relay.alarm import LineAlarm
 from gateway.relay.axis_record import AxisRecord, boot_id, record_path
 from gateway.relay.computed import computed
 from gateway.relay.drive_link import Instead, Link, MbapDriveLink, OtherIds, RtuDriveLink, UnitIds
@@ -51,9 +53,9 @@ from gateway.relay.front import Front, make_front, wire_of
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping, keep_port
 from gateway.relay.last_minute import LastMinute
-from gateway.relay.recorded import FileSink, RecordedExchange, RecordedLink, Sink, TapeSink
+from gateway.relay.pulse import Pulse
+from gateway.relay.recorded import FileTap, TapeTap
 from gateway.relay.recorder import Recorder
-from gateway.relay.timed import TimedExchange
 from gateway.relay.watchdog import STUCK_NS
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc
@@ -86,29 +88,24 @@ class Line:
         self._journal = journal
         self._link = _make_link(plan, self._wrong_unit, self._other_id, self._returned)
         self._drives = self._make_drives()
-        sink = self._make_sink(recorder)
-        link = self._link if sink is None else RecordedLink(self._link, sink)
         self._exchange = LineExchange(
             plan.axes,
             plan.timing,
-            link,
+            self._link,
             lambda event: journal.exchange_event(plan.name, event),
             groups=plan.groups,
             other_units=plan.other_units,
             what_ran=activity.between,
             own_unit=own_unit,
             cut_through=_cut_wire(plan),
+            tap=self._make_tap(recorder),
         )
         self._latency = LatencyStatus(self._exchange.meter)
         self._minute = LastMinute(self._frames)
         self._computed = computed(plan)
-        self._timed = (
-            TimedExchange(self._exchange)
-            if sink is None
-            else RecordedExchange(self._exchange, plan.name, sink)
-        )
-        self._link.attach(self._timed)
-        self._timed.count_bytes = lambda: self._link.bytes_received
+        self._alarm = LineAlarm(self._exchange, lambda: self._link.bytes_received)
+        self._pulse = Pulse(self._exchange.note_standstill, _nothing if self.tape is None else self.tape.show)
+        self._link.attach(self._exchange)
         self._in_force: dict[tuple[str, tuple[str, ...]], traffic.Commanded] = {}
         """What somebody outside has changed since the start, for the tape."""
         self._records: dict[str, AxisRecord] = {}
@@ -119,7 +116,7 @@ class Line:
         self._is_recorded = recorder is not None
         odd_units = plan.other_units.odd
         self._fronts = [
-            make_front(plan.name, link, self._timed, journal, odd_units=odd_units)
+            make_front(plan.name, link, self._exchange, journal, beats=self._pulse, odd_units=odd_units)
             for link in plan.controllers
         ]
 
@@ -146,7 +143,7 @@ class Line:
     @property
     def is_idle(self) -> bool:
         """Whether no exchange is on the wire."""
-        return self._timed.is_idle
+        return self._exchange.is_idle
 
     @property
     def longest_stop_s(self) -> float:
@@ -175,11 +172,11 @@ class Line:
             place = keeping.place(self.plan.name, "", self.plan.drives)
             # It was open all the time: a drive may answer what the gateway before this one asked.
             if keep_port(self._drives, self.plan.drives, place):
-                self._timed.rest_first(boot_ns())
+                self._exchange.rest_first(boot_ns())
 
     def why_stuck(self, now_ns: int) -> str:
         """Say what does not get on here, "" where all is well: an idle line is."""
-        if self._timed.late_ns(now_ns) > STUCK_NS:
+        if self._alarm.late_ns(now_ns) > STUCK_NS:
             return f"line {self.plan.name}: what was due more than {STUCK_NS // NS_PER_S} s ago was not done"
         if not self._drives.is_kept_up:
             return f"line {self.plan.name}: {self.plan.drives} is not kept open any more"
@@ -195,7 +192,7 @@ class Line:
     def rest_first(self) -> None:
         """Wait for silence before anything is sent; before :meth:`open`. Modbus/TCP needs none (W6)."""
         if self._link.is_serial:
-            self._timed.rest_first(boot_ns())
+            self._exchange.rest_first(boot_ns())
             self._journal.note(
                 LINE_RESTS,
                 line=self.plan.name,
@@ -222,7 +219,8 @@ class Line:
         """Stop cleanly: the exchange on the wire is finished, nothing is left half sent."""
         for front in self._fronts:
             front.stop_accepting()
-        await self._timed.stop(boot_ns(), self.longest_stop_s)
+        self._exchange.stop(boot_ns())
+        await self._alarm.idle(self.longest_stop_s)
         for way in (self._link, *self._fronts):
             await way.drained()
         await self.close()
@@ -234,7 +232,8 @@ class Line:
         for front in self._fronts:
             await front.close()
         await self._drives.close()
-        self._timed.close()
+        self._alarm.close()
+        self._pulse.close()
         self._link.close()
         if self.tape is not None:
             self.tape.close()
@@ -314,7 +313,7 @@ class Line:
 
     def command(self, command: Command, tables: Sequence[CorrectionTable] = ()) -> dict[str, str]:
         """Do what a command asks for; see ``exchange.control.carry_out``. Raises ControlError."""
-        changed = self._timed.command(command, boot_ns(), tables)
+        changed = self._exchange.command(command, boot_ns(), tables)
         if self.tape is not None and command.stays:
             self._keep_in_force(command, tables)
         match command:
@@ -340,13 +339,15 @@ class Line:
         except TransportError as error:
             problems.append(f"{key}: {error.detail}")
 
-    def _make_sink(self, recorder: Recorder | None) -> Sink | None:
+    def _make_tap(self, recorder: Recorder | None) -> Tap | None:
         if recorder is not None:
-            return FileSink(self.plan.name, recorder)
-        return None if self.tape is None else TapeSink(self.plan.name, self.tape, self._beginning)
+            return FileTap(self.plan.name, recorder)
+        return None if self.tape is None else TapeTap(self.plan.name, self.tape, self._beginning)
 
-    def _beginning(self, now_ns: int) -> traffic.Beginning:
-        """Return what a replay has to know that begins here."""
+    def _beginning(self, now_ns: int) -> traffic.Beginning | None:
+        """Return what a replay has to know that begins here; None: none can begin in the middle of this."""
+        if not self._exchange.is_still:
+            return None
         records = {name: record.content() for name, record in self._records.items()}
         axes = tuple(
             traffic.AxisAt(
@@ -428,6 +429,10 @@ class Line:
     def _longest_exchange_s(self) -> float:
         patience_ms = [link.plan.timeout_ms for link in self.plan.controllers]
         return max(self.plan.timing.response_timeout_ms, *patience_ms, 0.0) / 1000.0
+
+
+def _nothing() -> None:
+    pass
 
 
 def _make_tape(plan: LinePlan, journal: Journal) -> Tape | None:

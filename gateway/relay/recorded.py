@@ -1,222 +1,43 @@
-"""A line's exchange with a listener at its border: every input with its time, then what it caused."""
+"""Taps that keep what they hear: in a recording, or in the trace of a line's last minutes."""
 
 from collections.abc import Callable, Sequence
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compiled import mypyc_attr
 from gateway.exchange.commands import Command
-from gateway.exchange.cut_line import RequestCutter, Wire
-from gateway.exchange.line import LineExchange
-from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.exchange.ports import ControllerPort
+from gateway.exchange.tap import Tap
 from gateway.ipc import traffic
 from gateway.ipc.capture import frame_entry
 from gateway.ipc.compiled_table import compiled
 from gateway.ipc.tape import ABANDONED, ANSWERED, REPLY, REQUEST, SENT, TEXT, TICK, Raw, Tape, ids_of
 from gateway.relay.recorder import Recorder
-from gateway.relay.timed import TimedExchange
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class Sink:
-    """Where what crosses the border of a line's exchange goes: into a file, or onto a tape."""
+class KeepingTap(Tap):
+    """Makes one entry of each thing that it hears. Ports are numbered as they first ask for something."""
 
-    def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
-        """Take what comes often, as ``ipc.tape`` has it; outputs have no ``t_ns`` (0)."""
-        raise NotImplementedError
-
-    def entry(self, entry: traffic.Entry) -> None:
-        """Take what comes seldom."""
-        raise NotImplementedError
-
-    def came(self, number: int, port: ControllerPort) -> None:
-        """Take note of who asks as a port, before its first request."""
-        raise NotImplementedError
-
-    def gone(self, number: int) -> None:
-        """Forget a port, which asks nothing any more."""
-        raise NotImplementedError
-
-    def may_begin(self, exchange: LineExchange, now_ns: int) -> None:
-        """Take note of what holds, where that is wanted; called before each request."""
-
-    def show(self) -> None:
-        """Let others see what was taken; called with each beat of the line."""
-
-
-class FileSink(Sink):
-    """Into a recording: everything from the start, as entries."""
-
-    def __init__(self, line: str, recorder: Recorder) -> None:
-        self._line = line
-        self._recorder = recorder
-        self._ports: dict[int, tuple[str, str, str]] = {}
-
-    def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
-        """See ``Sink``."""
-        self._recorder.put(frame_entry(self._line, self._ports, Raw(kind, t_ns, ids, pdu)))
-
-    def entry(self, entry: traffic.Entry) -> None:
-        """See ``Sink``."""
-        self._recorder.put(entry)
-
-    def came(self, number: int, port: ControllerPort) -> None:
-        """See ``Sink``."""
-        self._ports[number] = port.plan.name, port.peer, port.plan.certified
-
-    def gone(self, number: int) -> None:
-        """See ``Sink``."""
-        self._ports.pop(number, None)
-
-
-class TapeSink(Sink):
-    """Onto the tape of a line: bytes over the oldest ones.
-
-    Each segment of the tape tells by itself who asks, and once what holds (``beginning``): a replay may begin
-    in any of them.
-    """
-
-    def __init__(self, line: str, tape: Tape, beginning: Callable[[int], traffic.Beginning]) -> None:
-        self._line = line
-        self._tape = tape
-        self._beginning = beginning
-        self._begun_in = 0
-        self._ports: dict[int, traffic.Port] = {}
-        self._told_in: dict[int, int] = {}
-        self._t_ns = 0
-
-    def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
-        """See ``Sink``. An output has the time of the input that caused it."""
-        tape = self._tape
-        if t_ns:
-            self._t_ns = t_ns
-        if kind == REQUEST and self._told_in.get(ids >> 24) != tape.number:
-            self.entry(self._ports[ids >> 24])
-            self._told_in[ids >> 24] = tape.number
-        tape.put(kind, self._t_ns, ids, pdu)
-
-    def entry(self, entry: traffic.Entry) -> None:
-        """See ``Sink``."""
-        self._t_ns = getattr(entry, "t", self._t_ns)  # outputs, and who a port is, have no time of their own
-        self._tape.put(TEXT, self._t_ns, 0, traffic.encode(entry))
-
-    def came(self, number: int, port: ControllerPort) -> None:
-        """See ``Sink``."""
-        self._ports[number] = traffic.Port(self._line, number, port.plan.name, port.peer, port.plan.certified)
-
-    def gone(self, number: int) -> None:
-        """See ``Sink``."""
-        self._ports.pop(number, None)
-        self._told_in.pop(number, None)
-
-    def may_begin(self, exchange: LineExchange, now_ns: int) -> None:
-        """See ``Sink``. Something holds only where nothing is on the wire, waits, or is due."""
-        if self._begun_in != self._tape.number and exchange.is_still:
-            self._t_ns = now_ns
-            self.entry(self._beginning(now_ns))
-            self._begun_in = self._tape.number
-
-    def show(self) -> None:
-        """See ``Sink``."""
-        self._tape.show()
-
-
-class RecordedLink(DriveLink):
-    """The way to the drives, listened to."""
-
-    def __init__(self, link: DriveLink, sink: Sink) -> None:
-        super().__init__(is_serial=link.is_serial, connects=link.connects)
-        self.stamps = link.stamps
-        self._link = link
-        self._sink = sink
-
-    def send_request(self, unit_id: int, pdu: bytes) -> None:
-        """See ``DriveLink``."""
-        self._sink.frame(SENT, 0, unit_id, pdu)
-        self._link.send_request(unit_id, pdu)
-
-    def abandon(self) -> None:
-        """See ``DriveLink``."""
-        self._sink.frame(ABANDONED, 0, 0, b"")
-        self._link.abandon()
-
-    def came_instead(self, unit_id: int) -> str:
-        """See ``DriveLink``."""
-        return self._link.came_instead(unit_id)
-
-    def want(self) -> None:
-        """See ``DriveLink``."""
-        self._link.want()
-
-    def renew(self) -> None:
-        """See ``DriveLink``."""
-        self._link.renew()
-
-    def hang_up(self, *, returns: bool) -> None:
-        """See ``DriveLink``."""
-        self._link.hang_up(returns=returns)
-
-    def may_lead(self, now_ns: int) -> bool:
-        """See ``DriveLink``."""
-        return self._link.may_lead(now_ns)
-
-    def lead(self, piece: bytes) -> None:
-        """See ``DriveLink``. What is no frame yet is not kept."""
-        self._link.lead(piece)
-
-    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
-        """See ``DriveLink``."""
-        self._sink.frame(SENT, 0, unit_id, pdu)
-        self._link.leave(unit_id, pdu, rest)
-
-
-class _RecordedPort(ControllerPort):
-    """A controller's port, listened to."""
-
-    def __init__(
-        self, port: ControllerPort, number: int, sink: Sink, answered: list[tuple[int, bytes]]
-    ) -> None:
-        super().__init__(port.plan, port.peer)
-        self.ends_by_silence = port.ends_by_silence
-        self.stamps = port.stamps
-        self.number = number
-        self._port = port
-        self._sink = sink
-        self._answered = answered
-
-    def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
-        """See ``ControllerPort``."""
-        self._sink.frame(ANSWERED, 0, ids_of(self.number, transaction_id, unit_id), pdu)
-        self._port.send_reply(transaction_id, unit_id, pdu)
-
-    def may_lead(self, now_ns: int) -> bool:
-        """See ``ControllerPort``."""
-        return self._port.may_lead(now_ns)
-
-    def lead(self, piece: bytes) -> None:
-        """See ``ControllerPort``. What is no frame yet is not kept."""
-        self._port.lead(piece)
-
-    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
-        """See ``ControllerPort``. It is written down behind the reply of the drive, as if that were whole."""
-        self._answered.append((ids_of(self.number, transaction_id, unit_id), pdu))
-        self._port.leave(transaction_id, unit_id, pdu, rest)
-
-    def note_request(self, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
-        """See ``ControllerPort``: as if it had been stored."""
-        self._sink.frame(REQUEST, now_ns, ids_of(self.number, transaction_id, unit_id), pdu)
-
-
-class RecordedExchange(TimedExchange):
-    """A :class:`TimedExchange` that writes down what it is told before it acts on it."""
-
-    def __init__(self, exchange: LineExchange, line: str, sink: Sink) -> None:
-        self._sink = sink  # first: it beats from its beginning on
-        super().__init__(exchange)
-        self._line = line
-        self._ports: dict[ControllerPort, _RecordedPort] = {}
+    def __init__(self, line: str) -> None:
+        self.line = line
         self._last_number = 0
         self._answered: list[tuple[int, bytes]] = []
-        """What controllers were answered of a reply that the exchange has not been told of yet."""
+        """What controllers were answered of a reply that has not come in whole yet."""
+
+    def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
+        """Keep what comes often, as ``ipc.tape`` has it; outputs have no ``t_ns`` (0)."""
+
+    def entry(self, entry: traffic.Entry) -> None:
+        """Keep what comes seldom."""
+
+    def came(self, port: ControllerPort) -> None:
+        """Note who a port is, before its first request."""
+
+    def forget(self, number: int) -> None:
+        """Forget a port, which asks nothing any more."""
+
+    def begin(self, now_ns: int) -> None:
+        """Keep what holds, where that is wanted; called before each request."""
 
     def request(
         self,
@@ -228,91 +49,151 @@ class RecordedExchange(TimedExchange):
         *,
         why_given_up: str = "",
     ) -> None:
-        """See ``TimedExchange``."""
-        recorded = self._ports.get(port) or self._port(port)
-        self._sink.may_begin(self._exchange, now_ns)
-        if why_given_up:
-            ids = transaction_id, unit_id
-            self._sink.entry(self._given_up(recorded, ids, pdu, now_ns, why_given_up))
-        else:
-            self._sink.frame(REQUEST, now_ns, ids_of(recorded.number, transaction_id, unit_id), pdu)
-        super().request(recorded, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
+        """See ``Tap``."""
+        if not port.number:
+            self._last_number += 1
+            port.number = self._last_number
+            self.came(port)
+        self.begin(now_ns)
+        if not why_given_up:
+            self.frame(REQUEST, now_ns, ids_of(port.number, transaction_id, unit_id), pdu)
+            return
+        name, peer, role = port.plan.name, port.peer, port.plan.certified
+        ids = port.number, name, transaction_id, unit_id
+        self.entry(traffic.Request(self.line, now_ns, *ids, pdu.hex(), peer, role, why_given_up))
 
-    def follow(self, port: ControllerPort, wire: Wire) -> RequestCutter | None:
-        """See ``TimedExchange``."""
-        return None if self.cuts is None else super().follow(self._ports.get(port) or self._port(port), wire)
+    def gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool) -> None:
+        """See ``Tap``. A port that never asked for anything has not been here."""
+        if port.number:
+            self.entry(traffic.Gone(self.line, now_ns, port.number, is_broken))
+            self.forget(port.number)
+            port.number = 0
 
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
-        """See ``TimedExchange``."""
-        self._sink.frame(REPLY, now_ns, unit_id, pdu)
+        """See ``Tap``."""
+        self.frame(REPLY, now_ns, unit_id, pdu)
         while self._answered:
-            self._sink.frame(ANSWERED, 0, *self._answered.pop(0))
-        super().reply(unit_id, pdu, now_ns)
+            self.frame(ANSWERED, 0, *self._answered.pop(0))
 
-    def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
-        """See ``TimedExchange``."""
-        self._sink.entry(traffic.Stray(self._line, now_ns, unit_id >= 0, unit_id))
-        super().stray(now_ns, unit_id=unit_id)
-
-    def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
-        """See ``TimedExchange``. A port that never asked for anything has not been here."""
-        recorded = self._ports.pop(port, None)
-        if recorded is not None:
-            self._sink.entry(traffic.Gone(self._line, now_ns, recorded.number, is_broken))
-            self._sink.gone(recorded.number)
-            super().controller_gone(recorded, now_ns, is_broken=is_broken)
-
-    def rest_first(self, now_ns: int) -> None:
-        """See ``TimedExchange``."""
-        self._sink.entry(traffic.RestFirst(self._line, now_ns))
-        super().rest_first(now_ns)
-
-    def link_up(self, now_ns: int) -> None:
-        """See ``TimedExchange``."""
-        self._sink.entry(traffic.Up(self._line, now_ns))
-        super().link_up(now_ns)
-
-    def link_down(self, now_ns: int, reason: str = "", *, is_orderly: bool = False) -> None:
-        """See ``TimedExchange``."""
-        self._sink.entry(traffic.Down(self._line, now_ns, reason, is_orderly))
-        super().link_down(now_ns, reason, is_orderly=is_orderly)
+    def stray(self, now_ns: int, unit_id: int) -> None:
+        """See ``Tap``."""
+        self.entry(traffic.Stray(self.line, now_ns, unit_id >= 0, unit_id))
 
     def unframed(self, now_ns: int) -> None:
-        """See ``TimedExchange``."""
-        self._sink.entry(traffic.Unframed(self._line, now_ns))
-        super().unframed(now_ns)
+        """See ``Tap``."""
+        self.entry(traffic.Unframed(self.line, now_ns))
 
-    async def stop(self, now_ns: int, timeout_s: float) -> None:
-        """See ``TimedExchange``."""
-        self._sink.entry(traffic.Stop(self._line, now_ns))
-        await super().stop(now_ns, timeout_s)
+    def link_up(self, now_ns: int) -> None:
+        """See ``Tap``."""
+        self.entry(traffic.Up(self.line, now_ns))
 
-    def command(
-        self, command: Command, now_ns: int, tables: Sequence[CorrectionTable] = ()
-    ) -> dict[str, str]:
-        """See ``TimedExchange``. Of tables all points are kept, or nobody could replay it."""
-        self._sink.entry(traffic.Commanded(self._line, now_ns, command, tuple(map(compiled, tables))))
-        return super().command(command, now_ns, tables)
+    def link_down(self, now_ns: int, reason: str, *, is_orderly: bool) -> None:
+        """See ``Tap``."""
+        self.entry(traffic.Down(self.line, now_ns, reason, is_orderly))
 
-    def _beat(self) -> None:
-        self._sink.show()
+    def sent(self, unit_id: int, pdu: bytes) -> None:
+        """See ``Tap``."""
+        self.frame(SENT, 0, unit_id, pdu)
 
-    def _tick_exchange(self, now_ns: int) -> None:
-        if self.is_due(now_ns):
-            self._sink.frame(TICK, now_ns, 0, b"")
-        super()._tick_exchange(now_ns)
+    def abandoned(self) -> None:
+        """See ``Tap``."""
+        self.frame(ABANDONED, 0, 0, b"")
 
-    def _port(self, port: ControllerPort) -> _RecordedPort:
-        self._last_number += 1
-        recorded = self._ports[port] = _RecordedPort(port, self._last_number, self._sink, self._answered)
-        self._sink.came(recorded.number, port)
-        return recorded
+    def answered(self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        """See ``Tap``."""
+        self.frame(ANSWERED, 0, ids_of(port.number, transaction_id, unit_id), pdu)
 
-    def _given_up(
-        self, port: _RecordedPort, ids: tuple[int, int], pdu: bytes, now_ns: int, why: str
-    ) -> traffic.Request:
-        transaction_id, unit_id = ids
-        name, peer, role = port.plan.name, port.peer, port.plan.certified
-        return traffic.Request(
-            self._line, now_ns, port.number, name, transaction_id, unit_id, pdu.hex(), peer, role, why
-        )
+    def answered_early(self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes) -> None:
+        """See ``Tap``. It is kept behind the reply of the drive, as if that had been whole."""
+        self._answered.append((ids_of(port.number, transaction_id, unit_id), pdu))
+
+    def timer(self, now_ns: int) -> None:
+        """See ``Tap``."""
+        self.frame(TICK, now_ns, 0, b"")
+
+    def rest_first(self, now_ns: int) -> None:
+        """See ``Tap``."""
+        self.entry(traffic.RestFirst(self.line, now_ns))
+
+    def stop(self, now_ns: int) -> None:
+        """See ``Tap``."""
+        self.entry(traffic.Stop(self.line, now_ns))
+
+    def command(self, command: Command, tables: Sequence[CorrectionTable], now_ns: int) -> None:
+        """See ``Tap``. Of tables all points are kept, or nobody could replay it."""
+        self.entry(traffic.Commanded(self.line, now_ns, command, tuple(map(compiled, tables))))
+
+
+class FileTap(KeepingTap):
+    """Into a recording: everything from the start, as entries."""
+
+    def __init__(self, line: str, recorder: Recorder) -> None:
+        super().__init__(line)
+        self._recorder = recorder
+        self._ports: dict[int, tuple[str, str, str]] = {}
+
+    def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
+        """See ``KeepingTap``."""
+        self._recorder.put(frame_entry(self.line, self._ports, Raw(kind, t_ns, ids, pdu)))
+
+    def entry(self, entry: traffic.Entry) -> None:
+        """See ``KeepingTap``."""
+        self._recorder.put(entry)
+
+    def came(self, port: ControllerPort) -> None:
+        """See ``KeepingTap``."""
+        self._ports[port.number] = port.plan.name, port.peer, port.plan.certified
+
+    def forget(self, number: int) -> None:
+        """See ``KeepingTap``."""
+        self._ports.pop(number, None)
+
+
+class TapeTap(KeepingTap):
+    """Onto the tape of a line: bytes over the oldest ones.
+
+    Each segment of the tape tells by itself who asks, and once what holds (``beginning``; None: something is
+    on the wire, waits or is due): a replay may begin in any of them.
+    """
+
+    def __init__(self, line: str, tape: Tape, beginning: Callable[[int], traffic.Beginning | None]) -> None:
+        super().__init__(line)
+        self._tape = tape
+        self._beginning = beginning
+        self._begun_in = 0
+        self._ports: dict[int, traffic.Port] = {}
+        self._told_in: dict[int, int] = {}
+        self._t_ns = 0
+
+    def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
+        """See ``KeepingTap``. An output has the time of the input that caused it."""
+        tape = self._tape
+        if t_ns:
+            self._t_ns = t_ns
+        if kind == REQUEST and self._told_in.get(ids >> 24) != tape.number:
+            self.entry(self._ports[ids >> 24])
+            self._told_in[ids >> 24] = tape.number
+        tape.put(kind, self._t_ns, ids, pdu)
+
+    def entry(self, entry: traffic.Entry) -> None:
+        """See ``KeepingTap``."""
+        self._t_ns = getattr(entry, "t", self._t_ns)  # outputs, and who a port is, have no time of their own
+        self._tape.put(TEXT, self._t_ns, 0, traffic.encode(entry))
+
+    def came(self, port: ControllerPort) -> None:
+        """See ``KeepingTap``."""
+        plan = port.plan
+        self._ports[port.number] = traffic.Port(self.line, port.number, plan.name, port.peer, plan.certified)
+
+    def forget(self, number: int) -> None:
+        """See ``KeepingTap``."""
+        self._ports.pop(number, None)
+        self._told_in.pop(number, None)
+
+    def begin(self, now_ns: int) -> None:
+        """See ``KeepingTap``."""
+        if self._begun_in != self._tape.number:
+            beginning = self._beginning(now_ns)
+            if beginning is not None:
+                self.entry(beginning)
+                self._begun_in = self._tape.number

@@ -147,7 +147,7 @@ class _Line(DriveLink):
             case traffic.RestFirst() | traffic.Up() | traffic.Down():
                 self._reach(entry)
             case traffic.Unframed():
-                exchange.unframed()
+                exchange.unframed(entry.t)
             case traffic.Tick():
                 exchange.tick(entry.t)
             case traffic.Stop():

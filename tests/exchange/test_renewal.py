@@ -55,7 +55,7 @@ def test_any_byte_is_a_sign_of_life(sign: str) -> None:
         bench.send(READ, unit_id=9)
         bench.line.reply(9, b"\x03\x02\x00\x00", bench.now_ns)
     elif sign == "half a frame":
-        bench.line.unframed()
+        bench.line.unframed(bench.now_ns)
     else:
         bench.line.stray(bench.now_ns)
     bench.link.sent.clear()

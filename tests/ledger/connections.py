@@ -1,13 +1,13 @@
 """Controllers over Modbus/TCP, through the port of the gateway: they pipeline, drip and hang up."""
 
 from collections import deque
-from typing import Final
+from typing import Any, Final
 
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort
 from gateway.modbus.mbap import MbapCounters, encode_mbap
-from gateway.relay.controller_port import MbapControllerPort, Requests
+from gateway.relay.controller_port import MbapControllerPort
 from gateway.transport.channel import Channel
 from tests.ledger.controllers import Master
 from tests.ledger.exchanges import Controller
@@ -19,14 +19,21 @@ NOTICED_MS: Final = 5.0
 """After so long a controller has seen that its connection is closed, and connects again."""
 
 
-class Doorway(Requests):
-    """The way from one connection's port to the exchange, past the ledger."""
+class Doorway:
+    """What is known of the requests of one connection before the line has them."""
 
-    def __init__(self, line: LineExchange, ledger: Ledger, book: Controller, stillness: Stillness) -> None:
-        super().__init__(stillness.beats)
-        self._line, self._ledger, self.book, self._stillness = line, ledger, book, stillness
+    def __init__(self, ledger: Ledger, book: Controller, stillness: Stillness) -> None:
+        self.ledger, self.book, self.stillness = ledger, book, stillness
         self.written_ns: deque[int] = deque()
         """When each request's first byte was sent."""
+
+
+class BookedLine(LineExchange):
+    """A line that has the ledger told of what comes over connections, past it."""
+
+    def __init__(self, *args: Any, **more: Any) -> None:
+        super().__init__(*args, **more)
+        self.doorways: dict[ControllerPort, Doorway] = {}
 
     def request(
         self,
@@ -38,33 +45,43 @@ class Doorway(Requests):
         *,
         why_given_up: str = "",
     ) -> None:
-        """See ``Requests``."""
-        written_ns = self.written_ns.popleft()
-        request = self._ledger.arrived(self.book, transaction_id, unit_id, pdu, written_ns)
+        """See ``LineExchange``."""
+        way = self.doorways.get(port)
+        if way is None:
+            super().request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
+            return
+        ledger, stillness = way.ledger, way.stillness
+        request = ledger.arrived(way.book, transaction_id, unit_id, pdu, way.written_ns.popleft())
         if why_given_up:
-            self._ledger.is_to_be_given_up(request, why_given_up, self._stillness)
+            ledger.is_to_be_given_up(request, why_given_up, stillness)
         else:
-            self._ledger.is_to_be_sent(request, self._stillness)
-        self._line.request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
+            ledger.is_to_be_sent(request, stillness)
+        super().request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
         if why_given_up:
-            self._ledger.given_up(request, why_given_up)
+            ledger.given_up(request, why_given_up)
 
     def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
-        """See ``Requests``."""
-        self._line.controller_gone(port, now_ns, is_broken=is_broken)
-        self._ledger.gone(self.book)
+        """See ``LineExchange``."""
+        super().controller_gone(port, now_ns, is_broken=is_broken)
+        way = self.doorways.pop(port, None)
+        if way is not None:
+            way.ledger.gone(way.book)
 
 
 class Connection(Channel):
     """A TCP connection of a controller, as the gateway's port has it (``Channel``)."""
 
-    def __init__(self, master: "TcpMaster", plan: ControllerPlan, doorway: Doorway, now_ns: int) -> None:
+    def __init__(
+        self, master: "TcpMaster", plan: ControllerPlan, line: BookedLine, doorway: Doorway, now_ns: int
+    ) -> None:
         self._master = master
         self.peer = "192.168.0.7:40000"
         self.doorway = doorway
         self.is_closed = False
         """By either end."""
-        self.port = MbapControllerPort(plan, doorway, MbapCounters(), lambda peer: None)
+        beats = doorway.stillness.beats
+        self.port = MbapControllerPort(plan, line, MbapCounters(), lambda peer: None, beats=beats)
+        line.doorways[self.port] = doorway
         self.port.opened(self, now_ns)
 
     def write(self, data: bytes) -> None:
@@ -97,8 +114,9 @@ class TcpMaster(Master):
     def _connected(self) -> Connection:
         """Connect: requests of one connection are never those of another."""
         self.book = self._new_book()
-        doorway = Doorway(self._line, self._ledger, self.book, self._stillness)
-        return Connection(self, self.plan, doorway, self._clock.now_ns)
+        doorway = Doorway(self._ledger, self.book, self._stillness)
+        assert isinstance(self._line, BookedLine)
+        return Connection(self, self.plan, self._line, doorway, self._clock.now_ns)
 
     def go_on(self) -> None:
         """Send the next requests, as many as are pipelined this time."""

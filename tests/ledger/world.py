@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan, LineTiming, Role
 from gateway.exchange.rest import LONGEST_DRAIN
 from tests.ledger.clock import Clock
-from tests.ledger.connections import TcpMaster
+from tests.ledger.connections import BookedLine, TcpMaster
 from tests.ledger.controllers import Master, Script, SerialMaster
 from tests.ledger.cut import CutMaster, CutWire, check_counts, random_speeds
 from tests.ledger.drives import Drive
@@ -131,7 +130,7 @@ class World:
         # Without back-off: what is answered for dead drives is borne by the worlds of tests/verify.
         timing = LineTiming(response_timeout_ms=TIMEOUT_MS, drain_ms=DRAIN_MS, retry_ms=0.0)
         cut_through = None if self._speeds is None else self._speeds.drives
-        self.line = LineExchange(plans, timing, self.wire, lambda event: None, cut_through=cut_through)
+        self.line = BookedLine(plans, timing, self.wire, lambda event: None, cut_through=cut_through)
         self.wire.line = self.line
         if isinstance(self.wire, CutWire) and self._speeds is not None:
             self.wire.become(self._speeds)

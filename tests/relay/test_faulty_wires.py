@@ -8,9 +8,10 @@ from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan, LineTiming
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
+from gateway.relay.alarm import LineAlarm
 from gateway.relay.controller_port import MbapControllerPort
 from gateway.relay.drive_link import MbapDriveLink, RtuDriveLink
-from gateway.relay.timed import TimedExchange
+from gateway.relay.pulse import Beats
 from gateway.transport import memory
 from gateway.transport.memory import NO_FAULTS, Faults
 
@@ -50,16 +51,18 @@ async def run(
     link, far, to_drive, from_drive = drive_side
     near = tools.raw_end()
     timing = LineTiming(response_timeout_ms=timeout_ms, drain_ms=5.0)
-    timed = TimedExchange(LineExchange((), timing, link, ignore))
-    link.attach(timed)
-    port = MbapControllerPort(ControllerPlan("cnc", timeout_ms=timeout_ms), timed, MbapCounters(), ignore)
+    line = LineExchange((), timing, link, ignore)
+    alarm = LineAlarm(line, lambda: 0)
+    link.attach(line)
+    plan = ControllerPlan("cnc", timeout_ms=timeout_ms)
+    port = MbapControllerPort(plan, line, MbapCounters(), ignore, beats=Beats())
     memory.connect(link, far, to_drive, from_drive)
     memory.connect(port, near, NO_FAULTS, near_faults)
     for number in range(REQUESTS):
         count = len(near.data)
         near.write(encode_mbap(number, 1, bytes([3, 0, number, 0, 1])))
         await near.until(lambda end, count=count: len(end.data) >= count + 9)  # type: ignore[misc]
-    timed.close()
+    alarm.close()
     link.close()
     return near.data
 

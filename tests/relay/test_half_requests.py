@@ -11,7 +11,7 @@ from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import MbapCounters, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
-from gateway.relay.timed import TimedExchange
+from gateway.relay.pulse import Beats
 from gateway.transport.channel import Channel
 from tests.exchange.staged_bench import RUN_PDU, RUN_RELATIVE_PDU, STOP_PDU, staged_plan
 
@@ -69,10 +69,12 @@ class Connection:
         self.events: list[Event] = []
         self.malformed: list[str] = []
         self.line = LineExchange(axes, LineTiming(), self.wires, self.events.append)
-        self.timed = TimedExchange(self.line)
-        self.timed.link_up(START_NS)
+        self.line.link_up(START_NS)
         self.plan = plan = ControllerPlan("cnc", timeout_ms=TIMEOUT_MS)
-        self.port = MbapControllerPort(plan, self.timed, MbapCounters(), self.malformed.append)
+        self.beats = Beats()
+        self.port = MbapControllerPort(
+            plan, self.line, MbapCounters(), self.malformed.append, beats=self.beats
+        )
         self.port.opened(self.end, START_NS)
 
     def arrives(self, data: bytes, after_ms: float) -> None:
@@ -116,7 +118,7 @@ async def test_a_request_in_pieces_within_the_patience_is_sent(connection: Conne
 async def test_each_request_has_an_age_of_its_own(connection: Connection) -> None:
     connection.arrives(READ[:5], 0)
     connection.arrives(READ[5:] + WHOLE[:CUT], TIMEOUT_MS - 1)
-    connection.timed.reply(1, bytes.fromhex("03 02 0000"), START_NS + 1000 * MS)
+    connection.line.reply(1, bytes.fromhex("03 02 0000"), START_NS + 1000 * MS)
     connection.arrives(WHOLE[CUT:], 2 * TIMEOUT_MS - 2)
     assert connection.wires.sent == [READ[7:], WHOLE[7:]]
 
@@ -186,7 +188,9 @@ async def test_m3_a_target_in_two_halves_that_is_too_late_blocks_its_trigger() -
     target = encode_mbap(7, 1, bytes.fromhex("10 0606 0002 04 5F90 0001"))
     connection.arrives(target[:9], 0)
     connection.arrives(target[9:], TIMEOUT_MS + 150)
-    again = MbapControllerPort(connection.plan, connection.timed, MbapCounters(), connection.malformed.append)
+    again = MbapControllerPort(
+        connection.plan, connection.line, MbapCounters(), connection.malformed.append, beats=Beats()
+    )
     end = End()
     again.opened(end, START_NS)
     again.received(encode_mbap(8, 1, RUN_PDU), START_NS + 1200 * MS)
@@ -197,7 +201,7 @@ async def test_m3_a_target_in_two_halves_that_is_too_late_blocks_its_trigger() -
 def serial_port(connection: Connection) -> RtuControllerPort:
     """A controller on a wire of the same line."""
     plan = ControllerPlan("cnc", timeout_ms=TIMEOUT_MS, serial=True)
-    port = RtuControllerPort(plan, connection.timed, RtuRequestDecoder(), 0)
+    port = RtuControllerPort(plan, connection.line, RtuRequestDecoder(), 0, beats=connection.beats)
     port.opened(connection.end, START_NS)
     return port
 
@@ -208,7 +212,7 @@ async def test_w5_of_several_requests_in_one_read_of_a_wire_only_the_last_is_wai
     other = bytes.fromhex("06 2000 0001")
     port.received(encode_rtu(1, RUN_RELATIVE_PDU) + encode_rtu(1, RUN_RELATIVE_PDU), START_NS)
     assert connection.wires.sent == [RUN_RELATIVE_PDU]  # it was there twice
-    connection.timed.reply(1, RUN_RELATIVE_PDU, START_NS)
+    connection.line.reply(1, RUN_RELATIVE_PDU, START_NS)
     assert connection.end.replies == encode_rtu(1, RUN_RELATIVE_PDU)
     connection.wires.is_serial = True
     port.received(encode_rtu(1, other) + encode_rtu(0, other) + encode_rtu(2, READ[7:]), START_NS)
@@ -229,7 +233,7 @@ async def test_w5_a_stop_among_several_requests_in_one_read_goes_out() -> None:
     read = bytes.fromhex("03 2000 0001")
     port.received(encode_rtu(1, STOP_PDU) + encode_rtu(1, read), START_NS)
     assert connection.wires.sent == [STOP_PDU]
-    connection.timed.reply(1, STOP_PDU, START_NS)
+    connection.line.reply(1, STOP_PDU, START_NS)
     assert connection.wires.sent == [STOP_PDU, read]
     port.closed("", START_NS)
 
@@ -241,7 +245,7 @@ async def test_w5_what_a_silence_ends_only_after_the_process_stood_still_is_not_
     connection = Connection()
     port = serial_port(connection)
     vendor = bytes.fromhex("65 10 20 30 40")
-    connection.timed.beats.beat(START_NS)  # the next one is due 20 ms later
+    connection.beats.beat(START_NS)  # the next one is due 20 ms later
     port.received(encode_rtu(9, vendor), START_NS)
     assert connection.wires.sent == []
     port._silent(START_NS + int(late_ms * MS))

@@ -9,7 +9,6 @@ from gateway.exchange.plan import ControllerPlan, LineTiming
 from gateway.exchange.ports import ControllerPort
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.drive_link import MbapDriveLink, OtherIds, UnitIds
-from gateway.relay.timed import TimedExchange
 from gateway.transport import memory
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ class Drives:
         )
         timing = LineTiming(response_timeout_ms=100.0)
         self.line = LineExchange((), timing, self.link, self.events.append)
-        self.link.attach(TimedExchange(self.line))
+        self.link.attach(self.line)
         self.far = far
         self.controller = Controller()
         memory.connect(self.link, far)

@@ -11,7 +11,6 @@ from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.drive_link import MbapDriveLink, UnitIds
 from gateway.relay.gateway import Relay
-from gateway.relay.timed import TimedExchange
 from gateway.transport import memory
 
 if TYPE_CHECKING:
@@ -40,7 +39,7 @@ class Drives:
         self.wrong: list[tuple[int, int]] = []
         self.link = MbapDriveLink(0, unit_ids, lambda asked, answered: self.wrong.append((asked, answered)))
         self.line = LineExchange((), LineTiming(), self.link, lambda _: None)
-        self.link.attach(TimedExchange(self.line))
+        self.link.attach(self.line)
         self.far = far
         self.controller = Controller()
         memory.connect(self.link, far)

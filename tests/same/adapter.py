@@ -10,7 +10,6 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any, Final
 
-from gateway.exchange import line as exchange_line
 from gateway.exchange.line import LineExchange
 from tests.contract.bench import SESSIONS, DriveBench
 from tests.contract.script import run
@@ -79,6 +78,9 @@ def fuzzed(name: str) -> Iterator[str]:
 def _hear_events(module: Any, note: Note) -> None:
     """Have the lines that a module makes tell their events here, too."""
 
+    name = "BookedLine" if hasattr(module, "BookedLine") else "LineExchange"
+    kind = getattr(module, name)
+
     def made(plans: Any, timing: Any, link: Any, tell: Callable[[Any], None], **more: Any) -> LineExchange:
         def told(event: Any) -> None:
             fields = sorted(
@@ -88,9 +90,10 @@ def _hear_events(module: Any, note: Note) -> None:
             note(f"sentence {event.kind.value}: {event.detail}")
             tell(event)
 
-        return exchange_line.LineExchange(plans, timing, link, told, **more)
+        line: LineExchange = kind(plans, timing, link, told, **more)
+        return line
 
-    module.LineExchange = made
+    setattr(module, name, made)
 
 
 def _fields(event: Any) -> dict[str, Any]:

@@ -343,7 +343,7 @@ def _listen(world: World, tell: Callable[[str], None]) -> None:
     """Tell of each frame and each answer as it goes, but for those that are cut through."""
     side = world.sides[0]
     send = side.link.send_request
-    line: Any = side.door if isinstance(side, BytesSide) else side
+    line: Any = side.line if isinstance(side, BytesSide) else side
     reply, request = line.reply, line.request
 
     def sent(unit_id: int, pdu: bytes) -> None:

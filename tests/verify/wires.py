@@ -23,7 +23,7 @@ from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
 from gateway.relay.controller_port import MbapControllerPort
 from gateway.relay.drive_link import NONE, MbapDriveLink, RtuDriveLink
 from gateway.relay.pacing import PacedSender
-from gateway.relay.timed import TimedExchange
+from gateway.relay.pulse import Beats
 from gateway.transport.channel import Channel
 from gateway.transport.timer import Timer
 from tests.verify import rules
@@ -146,16 +146,13 @@ class BytesLink(DriveLink):
         let_go(self.real._sender)
 
 
-class Door(TimedExchange):
-    """Where ports and link bring whole frames. No pulse beats here, so the process never stands still.
+class TimedLine(LineExchange):
+    """A line to which everything comes at an instant of the world.
 
-    ``now_ns``: the instant in the world that they come at; 0: when they say.
+    ``world_ns``: that instant; 0: when ports and link say.
     """
 
-    now_ns = 0
-
-    def _settle(self) -> None:
-        """The world knows when something is due."""
+    world_ns = 0
 
     def request(
         self,
@@ -167,29 +164,25 @@ class Door(TimedExchange):
         *,
         why_given_up: str = "",
     ) -> None:
-        """See ``Requests``."""
-        now_ns = self.now_ns or now_ns
-        self._exchange.request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
-
-    def controller_gone(self, port: AnyPort, now_ns: int, *, is_broken: bool = False) -> None:
-        """See ``Requests``."""
-        self._exchange.controller_gone(port, now_ns, is_broken=is_broken)
+        """See ``LineExchange``."""
+        now_ns = self.world_ns or now_ns
+        super().request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
 
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
-        """See ``TimedExchange``."""
-        self._exchange.reply(unit_id, pdu, self.now_ns or now_ns)
+        """See ``LineExchange``."""
+        super().reply(unit_id, pdu, self.world_ns or now_ns)
 
     def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
-        """See ``TimedExchange``."""
-        self._exchange.stray(self.now_ns or now_ns, unit_id=unit_id)
+        """See ``LineExchange``."""
+        super().stray(self.world_ns or now_ns, unit_id=unit_id)
 
     def link_up(self, now_ns: int) -> None:
-        """See ``TimedExchange``."""
-        self._exchange.link_up(self.now_ns or now_ns)
+        """See ``LineExchange``."""
+        super().link_up(self.world_ns or now_ns)
 
     def link_down(self, now_ns: int, reason: str = "", *, is_orderly: bool = False) -> None:
-        """See ``TimedExchange``."""
-        self._exchange.link_down(self.now_ns or now_ns, reason, is_orderly=is_orderly)
+        """See ``LineExchange``."""
+        super().link_down(self.world_ns or now_ns, reason, is_orderly=is_orderly)
 
 
 def _keep(replies: list[tuple[int, bytes]], number: int, _unit_id: int, pdu: bytes) -> None:
@@ -199,17 +192,17 @@ def _keep(replies: list[tuple[int, bytes]], number: int, _unit_id: int, pdu: byt
 class BytesSide(Side):
     """One gateway whose ports and link are the real ones."""
 
+    line: TimedLine
     link: Any
 
     def __init__(self, design: Design, tell: Callable[[Any], None]) -> None:
         with timers_at_rest():
             real = MbapDriveLink(0)
             self.link = BytesLink(real)
-            self.line = LineExchange(design.plans, TIMING, self.link, tell, design.groups)
-            self.door = Door(self.line)
-        real.attach(self.door)
+            self.line = TimedLine(design.plans, TIMING, self.link, tell, design.groups)
+        real.attach(self.line)
         self.ports = [
-            MbapControllerPort(plan, self.door, MbapCounters(), lambda _peer: None)
+            MbapControllerPort(plan, self.line, MbapCounters(), lambda _peer: None, beats=Beats())
             for plan in design.controllers
         ]
         self.make_pipes(Pipe)

@@ -26,7 +26,6 @@ from gateway.exchange.leads import (
     reply_shape,
     write_shape,
 )
-from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.transaction import Phase
 from gateway.modbus.crc import INTACT, INVERTED, SEAM, residue_after
@@ -35,7 +34,7 @@ from gateway.modbus.rtu import encode_rtu
 from tests.verify import rules
 from tests.verify.errors import BrokenRuleError
 from tests.verify.snapshot import Lens, on_its_way
-from tests.verify.wires import Door, pass_by, pass_once
+from tests.verify.wires import TimedLine, pass_by, pass_once
 from tests.verify.wires_rtu import CUT, RtuSide, RtuWorld, WirePipe
 from tests.verify.world import EXCEPTION, TAKES_TIME, TICK_NS, TIMING, Design, Happening, Wire
 
@@ -81,29 +80,6 @@ def forget_measured(cutter: RequestCutter) -> None:
     replies._stored.clear()
     for key, passed in replies._passed.items():
         replies._passed[key] = passed[:2] + bytes(len(passed) - 2)
-
-
-class CutDoor(Door):
-    """Brings whole frames to the line, and what follows the requests of each port to that port."""
-
-    def __init__(self, line: LineExchange) -> None:
-        super().__init__(line)
-        self._cutters: dict[ControllerPort, RequestCutter] = {}
-
-    def follow(self, port: ControllerPort, wire: LineWire) -> RequestCutter:
-        """See ``Requests``. A port that is opened again gets the one of before, emptied."""
-        cuts = self.cuts
-        assert cuts is not None
-        cutter = self._cutters.get(port)
-        if cutter is None:
-            cutter = self._cutters[port] = cuts.follow(port, wire)
-            cutter.heads._leads |= steady(read_shape(), write_shape(2, 0, 2))
-            cutter.replies._leads |= steady(acknowledgement_shape(), reply_shape(1), reply_shape(2, [(0, 2)]))
-        cutter.heads._expected.clear()
-        cutter.replies._passed.clear()
-        cutter._cut = None
-        cuts._cutters[port] = cutter
-        return cutter
 
 
 def request_length_of(frame: bytes) -> int:
@@ -184,13 +160,28 @@ class CutSide(RtuSide):
     port_pipe_kind = ReplyPipe
     port_wire = CONTROLLER
 
-    def line_of(self, design: Design, tell: Callable[[Event], None]) -> LineExchange:
-        """See ``RtuSide``."""
-        return LineExchange(design.plans, TIMING, self.link, tell, design.groups, cut_through=DRIVES)
+    def __init__(self, design: Design, tell: Callable[[Event], None]) -> None:
+        self._cutters: dict[ControllerPort, RequestCutter] = {}
+        super().__init__(design, tell)
 
-    def door_of(self, line: LineExchange) -> Door:
+    def line_of(self, design: Design, tell: Callable[[Event], None]) -> TimedLine:
         """See ``RtuSide``."""
-        return CutDoor(line)
+        return TimedLine(design.plans, TIMING, self.link, tell, design.groups, cut_through=DRIVES)
+
+    def open_port(self, number: int, now_ns: int) -> None:
+        """See ``RtuSide``. What follows its requests is that of before, emptied; it knows how they come."""
+        super().open_port(number, now_ns)
+        port, cuts = self.ports[number], self.line.cuts
+        assert cuts is not None
+        cutter = self._cutters.get(port)
+        if cutter is None:
+            cutter = self._cutters[port] = port._cutter
+            cutter.heads._leads |= steady(read_shape(), write_shape(2, 0, 2))
+            cutter.replies._leads |= steady(acknowledgement_shape(), reply_shape(1), reply_shape(2, [(0, 2)]))
+        cutter.heads._expected.clear()
+        cutter.replies._passed.clear()
+        cutter._cut = None
+        port._cutter = cuts._cutters[port] = cutter
 
     def roots(self) -> list[object]:
         """See ``RtuSide``."""
@@ -201,7 +192,7 @@ class CutSide(RtuSide):
 
         What has begun to come and stands still since is stored: with the next byte its cutter sees that.
         """
-        self.door.now_ns = now_ns
+        self.line.world_ns = now_ns
         for each in (*self.ports, self.link.real):
             pass_by(each._cut_timer)
         if any(pipe.leaving for pipe in (*self.wires, self.link.pipe)):
@@ -216,7 +207,7 @@ class CutSide(RtuSide):
 
     def gone(self, port: int, now_ns: int) -> None:
         """See ``Side``."""
-        self.door.now_ns = now_ns
+        self.line.world_ns = now_ns
         self.ports[port].closed("", now_ns)
         self.wires[port].break_off()
         self.open_port(port, now_ns)
@@ -279,7 +270,7 @@ class CutSide(RtuSide):
 
     def cut_off(self, now_ns: int) -> None:
         """The way to the drives is lost."""
-        self.door.now_ns = now_ns
+        self.line.world_ns = now_ns
         self.link.real.closed("", now_ns)
         self.link.pipe.break_off()
 
@@ -511,7 +502,7 @@ class CutWorld(RtuWorld):
         self._pass_once()
 
     def _pass_once(self) -> None:
-        self._cut_side.door.now_ns = self.now_ns
+        self._cut_side.line.world_ns = self.now_ns
         pass_once(self._cut_side.ports[0]._cut_timer)
         self._collect()
 
@@ -592,7 +583,7 @@ class CutWorld(RtuWorld):
         self._give_up(0)
         _, data = self._register_rtu(name, axis, number)
         side = self._cut_side
-        side.door.now_ns = self.now_ns
+        side.line.world_ns = self.now_ns
         pass_by(side.ports[0]._timer)
         side.feed(0, data, self.now_ns)
         self._collect()
@@ -659,7 +650,7 @@ class CutWorld(RtuWorld):
         self._pass_reply_timer()
 
     def _pass_reply_timer(self) -> None:
-        self._cut_side.door.now_ns = self.now_ns
+        self._cut_side.line.world_ns = self.now_ns
         pass_once(self._cut_side.link.real._cut_timer)
         self._collect()
 

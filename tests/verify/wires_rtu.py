@@ -11,20 +11,20 @@ from typing import Final
 
 from gateway.exchange.cut_line import Wire as LineWire
 from gateway.exchange.events import Event
-from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
 from gateway.exchange.ports import Stamps
 from gateway.modbus.crc import append_crc, is_intact
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
 from gateway.relay.controller_port import RtuControllerPort
 from gateway.relay.drive_link import RtuDriveLink
+from gateway.relay.pulse import Beats
 from tests.verify.snapshot import Lens
 from tests.verify.wires import (
     BytesLink,
     BytesSide,
     BytesWorld,
-    Door,
     Pipe,
+    TimedLine,
     let_go,
     pass_by,
     timers_at_rest,
@@ -73,10 +73,11 @@ class RtuSide(BytesSide):
             real = RtuDriveLink(0, RtuReplyDecoder(odd_units=other.odd))
             self.link = BytesLink(real, self.pipe_kind)
             self.line = self.line_of(design, tell)
-            self.door = self.door_of(self.line)
-            real.attach(self.door)
+            real.attach(self.line)
         self.ports = [
-            RtuControllerPort(plan, self.door, RtuRequestDecoder(odd_units=other.odd), 0, self.port_wire)
+            RtuControllerPort(
+                plan, self.line, RtuRequestDecoder(odd_units=other.odd), 0, self.port_wire, beats=Beats()
+            )
             for plan in design.controllers
         ]
         self.make_pipes(self.port_pipe_kind)
@@ -84,14 +85,10 @@ class RtuSide(BytesSide):
             self.open_port(number, 0)
         self.lens = Lens(self.roots(), TICK_NS, design.horizon_ticks, has_record=design.has_record)
 
-    def line_of(self, design: Design, tell: Callable[[Event], None]) -> LineExchange:
+    def line_of(self, design: Design, tell: Callable[[Event], None]) -> TimedLine:
         """Return the line."""
         other = ODD if "odd" in design.happenings else NO_OTHER_UNITS
-        return LineExchange(design.plans, TIMING, self.link, tell, design.groups, other_units=other)
-
-    def door_of(self, line: LineExchange) -> Door:
-        """Return where ports and link bring whole frames."""
-        return Door(line)
+        return TimedLine(design.plans, TIMING, self.link, tell, design.groups, other_units=other)
 
     def roots(self) -> list[object]:
         """Return what all that is kept hangs from."""
@@ -107,22 +104,22 @@ class RtuSide(BytesSide):
 
     def open(self, now_ns: int) -> None:
         """See ``BytesSide``."""
-        self.door.now_ns = now_ns
+        self.line.world_ns = now_ns
         self.link.opened(now_ns)
 
     def feed(self, port: int, data: bytes, now_ns: int) -> None:
         """See ``BytesSide``."""
-        self.door.now_ns = now_ns
+        self.line.world_ns = now_ns
         self.ports[port].received(data, now_ns)
 
     def hear(self, data: bytes, now_ns: int) -> None:
         """Bytes of the drives."""
-        self.door.now_ns = now_ns
+        self.line.world_ns = now_ns
         super().hear(data, now_ns)
 
     def fall_silent(self, now_ns: int) -> None:
         """Let the silences pass that are waited for."""
-        self.door.now_ns = now_ns
+        self.line.world_ns = now_ns
         for timer in (*(port._timer for port in self.ports), self.link.real._timer):
             pass_by(timer)
 
@@ -305,7 +302,7 @@ class RtuWorld(BytesWorld):
         self._wire_side.fall_silent(self.now_ns)
         if self.state.split:
             self.state = self.state._replace(is_cut_off=True)
-        self._wire_side.door.now_ns = self.now_ns + TICK_NS
+        self._wire_side.line.world_ns = self.now_ns + TICK_NS
         super()._on_wait()
 
 

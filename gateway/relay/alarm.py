@@ -1,0 +1,70 @@
+"""Calls ``tick`` of a line's exchange at its deadline, on the loop."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+
+from gateway.clock import boot_ns
+from gateway.exchange.line import LineExchange
+from gateway.exchange.ports import Alarm
+from gateway.times import NS_PER_MS
+from gateway.transport.timer import Timer
+
+LATE_NS: Final = 20 * NS_PER_MS
+"""A time-out that is judged so late was not waited for: the process stood still."""
+
+
+class LineAlarm(Alarm):
+    """The alarm of one line. ``count_bytes``: how many have come of the drives on their connection."""
+
+    def __init__(self, exchange: LineExchange, count_bytes: Callable[[], int]) -> None:
+        self._exchange = exchange
+        self._count_bytes = count_bytes
+        self._counted = 0
+        """So many were there at the last time-out ..."""
+        self._up_ns = 0
+        """... on the connection that was made then."""
+        self._timer = Timer(self._rang)
+        self._idle: asyncio.Future[None] | None = None
+        exchange.alarm = self
+
+    def arm(self, deadline_ns: int | None) -> None:
+        """See ``Alarm``."""
+        self._timer.arm(deadline_ns)
+        if self._idle is not None and self._exchange.is_idle and not self._idle.done():
+            self._idle.set_result(None)
+
+    def late_ns(self, now_ns: int) -> int:
+        """Return for how long something has been due that was not done; 0 or less: nothing is."""
+        deadline_ns = self._exchange.deadline_ns
+        return 0 if deadline_ns is None else now_ns - deadline_ns
+
+    async def idle(self, timeout_s: float) -> None:
+        """Return when the exchange on the wire has ended, or after ``timeout_s``."""
+        if not self._exchange.is_idle:
+            self._idle = asyncio.get_running_loop().create_future()
+            await asyncio.wait([self._idle], timeout=timeout_s)
+
+    def close(self) -> None:
+        """Give the timer back."""
+        self._timer.close()
+
+    def _rang(self, now_ns: int) -> None:
+        if self.late_ns(now_ns) > LATE_NS:
+            # What the drives have said meanwhile is there, and is read in this turn of the loop: first that.
+            asyncio.get_running_loop().call_soon(self._due_now)
+            return
+        self._due(now_ns)
+
+    def _due_now(self) -> None:
+        self._due(boot_ns())
+
+    def _due(self, now_ns: int) -> None:
+        exchange = self._exchange
+        if not exchange.is_idle and self.late_ns(now_ns) >= 0:
+            up_ns = exchange.link_state.up_ns
+            before = self._counted if up_ns == self._up_ns else 0
+            self._up_ns, self._counted = up_ns, self._count_bytes()
+            if self._counted != before:  # since the last time-out: the connection lives
+                exchange.unframed(now_ns)
+        exchange.tick(now_ns)
