@@ -59,8 +59,8 @@ def capture(
         pitch-gateway capture gateway.toml --follow --json | jq .
     """
     from gateway.cli.capturing.showing import NothingTakenError, take
-    from gateway.ipc.capture import NoCaptureError
     from gateway.ipc.client import NobodyListensError, NoGatewayError
+    from gateway.recording.capture import NoCaptureError
 
     if follow and file is not None:
         typer.echo("--follow with FILE: use record, or --pcapng, or follow without a file", err=True)

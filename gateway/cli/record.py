@@ -11,7 +11,7 @@ from gateway.cli.run import HowToLog, StatusEvery
 from gateway.ipc.notes import LogFormat
 
 if TYPE_CHECKING:
-    from gateway.relay.recorder import Recorder
+    from gateway.recording.writer import Recorder
 
 MEGA = 1_000_000
 
@@ -43,8 +43,8 @@ def record(
     """
     from gateway.config.recording_header import header_of
     from gateway.ipc.notes import note_writer
+    from gateway.recording.writer import Recorder
     from gateway.relay.errors import StartError
-    from gateway.relay.recorder import Recorder
     from gateway.relay.run import run_relay
 
     loaded = load_or_exit(config, is_start=True)

@@ -7,8 +7,8 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from gateway.config.recording_header import ANY_BYTES
-from gateway.ipc.traffic import CAPTURED, FORMAT, WITHOUT_PEERS, Header
-from gateway.relay.replay import ReplayError
+from gateway.recording.replay import ReplayError
+from gateway.recording.traffic import CAPTURED, FORMAT, WITHOUT_PEERS, Header
 
 if TYPE_CHECKING:
     from gateway.ipc.plan import GatewayPlan

@@ -11,8 +11,8 @@ from gateway.cli.configuration import load_or_exit
 
 if TYPE_CHECKING:
     from gateway.exchange.events import Event
-    from gateway.ipc.traffic import Entry, Output
-    from gateway.relay.replay import Difference, ReplayResult
+    from gateway.recording.replay import Difference, ReplayResult
+    from gateway.recording.traffic import Entry, Output
 
 LONGEST_LINE = 64_000_000
 """A header holds every table: more than the largest that is read."""
@@ -48,8 +48,8 @@ def replay(
     """
     from gateway.config.problems import ConfigErrors
     from gateway.files import FileRefusedError
-    from gateway.ipc.traffic import WrongEntryError
-    from gateway.relay.replay import ReplayError
+    from gateway.recording.replay import ReplayError
+    from gateway.recording.traffic import WrongEntryError
 
     try:
         result = _replayed(file, config, line, show=show and not as_json)
@@ -71,9 +71,9 @@ def replay(
 
 def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) -> "ReplayResult":
     from gateway.cli.recordings import for_any_writer, plan_of
-    from gateway.ipc.readable import Reader
-    from gateway.ipc.traffic import WITHOUT_PEERS, End, Header, Port
-    from gateway.relay.replay import Replay, ReplayError
+    from gateway.recording.readable import Reader
+    from gateway.recording.replay import Replay, ReplayError
+    from gateway.recording.traffic import WITHOUT_PEERS, End, Header, Port
 
     entries = _entries(file)
     first = next(entries, None)
@@ -101,7 +101,7 @@ def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) 
 def _entries(file: Path) -> Iterator[tuple[int, "Entry"]]:
     """Yield the entries of a file with their line numbers; a last line that was cut off is left out."""
     from gateway.files import open_regular_file
-    from gateway.ipc.traffic import WrongEntryError, decode
+    from gateway.recording.traffic import WrongEntryError, decode
 
     with open_regular_file(file, "a recording") as lines:
         number = 0
@@ -168,8 +168,8 @@ def _as_json(difference: "Difference") -> dict[str, object]:
 
 
 def _shown(output: "Output | None") -> str:
-    from gateway.ipc.readable import pdu_name
-    from gateway.ipc.traffic import Abandoned, Answered
+    from gateway.recording.readable import pdu_name
+    from gateway.recording.traffic import Abandoned, Answered
 
     if output is None:
         return "nothing"

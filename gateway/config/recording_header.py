@@ -5,7 +5,7 @@ from typing import Final
 
 import gateway
 from gateway.config.load import Loaded
-from gateway.ipc.traffic import FORMAT, Header
+from gateway.recording.traffic import FORMAT, Header
 
 ANY_BYTES: Final = "iso-8859-1"
 """Each byte is a character, so that a file comes back as it was, whatever its encoding."""

@@ -49,7 +49,7 @@ class Subscribe(Message, frozen=True, tag="subscribe", tag_field="kind"):
 
 
 class GetTapes(Message, frozen=True, tag="tapes", tag_field="kind"):
-    """Ask for the tapes of all lines, to look into (``ipc.tape``)."""
+    """Ask for the tapes of all lines, to look into (``recording.tape``)."""
 
 
 Request = Command | Ping | GetStatus | Subscribe | GetTapes

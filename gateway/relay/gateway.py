@@ -67,13 +67,13 @@ from gateway.ipc.plan import GatewayPlan, RelayOptions
 from gateway.ipc.sealed_memory import NotSealedError, map_sealed
 from gateway.ipc.server import ControlServer
 from gateway.limits import Reports
+from gateway.recording.writer import Recorder
 from gateway.relay.activity import Activity
 from gateway.relay.collecting import Collecting
 from gateway.relay.errors import StartError
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping
 from gateway.relay.line import Line
-from gateway.relay.recorder import Recorder
 from gateway.relay.scheduling import in_force, schedule
 from gateway.relay.status_unit import StatusUnit
 from gateway.times import NS_PER_S

@@ -40,10 +40,12 @@ from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.exchange.ports import OwnUnit
 from gateway.exchange.status import axes_status, line_status
 from gateway.exchange.tap import Tap
-from gateway.ipc import traffic
 from gateway.ipc.compiled_table import compiled
 from gateway.ipc.plan import LinePlan
-from gateway.ipc.tape import Tape
+from gateway.recording import traffic
+from gateway.recording.tap import FileTap, TapeTap
+from gateway.recording.tape import Tape
+from gateway.recording.writer import Recorder
 from gateway.relay.activity import Activity
 from gateway.relay.alarm import LineAlarm
 from gateway.relay.axis_record import AxisRecord, boot_id, record_path
@@ -54,8 +56,6 @@ from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping, keep_port
 from gateway.relay.last_minute import LastMinute
 from gateway.relay.pulse import Pulse
-from gateway.relay.recorded import FileTap, TapeTap
-from gateway.relay.recorder import Recorder
 from gateway.relay.watchdog import STUCK_NS
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc

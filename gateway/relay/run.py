@@ -21,9 +21,9 @@ from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import Note, note_of
 from gateway.ipc.plan import GatewayPlan
 from gateway.ipc.service_manager import ServiceManager
+from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
 from gateway.relay.keeping import Keeping
-from gateway.relay.recorder import Recorder
 from gateway.relay.watchdog import Heart
 from gateway.transport.loop import RelayLoop
 

@@ -1,6 +1,6 @@
 """Frames into a file by themselves, when an event happens that ``[capture] on`` names.
 
-The relay does nothing for it: its tapes are looked into (``ipc.capture``).
+The relay does nothing for it: its tapes are looked into (``recording.capture``).
 """
 
 import asyncio
@@ -15,10 +15,10 @@ from gateway.catalogue.process_events import CAPTURE_FAILED, CAPTURED
 from gateway.config.gateway_model import CaptureSection
 from gateway.config.load import Loaded
 from gateway.config.recording_header import header_of
-from gateway.ipc import traffic
-from gateway.ipc.capture import Capture, NoCaptureError, write_recording
 from gateway.ipc.client import NoGatewayError
 from gateway.ipc.place import socket_path
+from gateway.recording import traffic
+from gateway.recording.capture import Capture, NoCaptureError, write_recording
 from gateway.supervisor.aside import aside
 
 AFTER_S: Final = 2.0

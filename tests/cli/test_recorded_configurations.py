@@ -8,7 +8,7 @@ import pytest
 from gateway.cli.recordings import plan_of
 from gateway.config.load import load
 from gateway.config.recording_header import header_of
-from gateway.relay.replay import ReplayError
+from gateway.recording.replay import ReplayError
 
 CONFIG = """
 [gateway]

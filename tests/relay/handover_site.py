@@ -17,8 +17,8 @@ from gateway.ipc.messages import Done
 from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.ipc.sealed_memory import seal
 from gateway.modbus.mbap import encode_mbap
+from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
-from gateway.relay.recorder import Recorder
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, RawEnd, Tools

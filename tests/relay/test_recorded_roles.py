@@ -8,10 +8,10 @@ import pytest
 
 from gateway.exchange.plan import Role
 from gateway.ipc.plan import RoleRights, TlsPlan
-from gateway.ipc.traffic import FORMAT, Header, Request, decode
+from gateway.recording.replay import Replay, ReplayError
+from gateway.recording.traffic import FORMAT, Header, Request, decode
+from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
-from gateway.relay.recorder import Recorder
-from gateway.relay.replay import Replay, ReplayError
 from tests.relay.secure_site import WRITE, WRITTEN, Site, ask
 
 if TYPE_CHECKING:

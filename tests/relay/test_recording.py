@@ -29,16 +29,16 @@ from gateway.exchange.commands import (
 )
 from gateway.exchange.control import ControlError
 from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, OtherUnits, Reference
-from gateway.ipc import traffic
 from gateway.ipc.compiled_table import compiled
 from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
-from gateway.ipc.traffic import Answered, End, Entry, Header, Sent, Tick
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField
 from gateway.modbus.rtu import encode_rtu
+from gateway.recording import traffic
+from gateway.recording.replay import Replay, ReplayError, ReplayResult
+from gateway.recording.traffic import Answered, End, Entry, Header, Sent, Tick
+from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
-from gateway.relay.recorder import Recorder
-from gateway.relay.replay import Replay, ReplayError, ReplayResult
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 if TYPE_CHECKING:

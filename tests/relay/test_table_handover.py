@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from gateway.compensation.settings import Setpoints
 from gateway.exchange.commands import ClearTable, Disable, Enable, SetGain, SetLimits
-from gateway.ipc import traffic
 from gateway.ipc.client import ask
 from gateway.ipc.compiled_table import compiled, digest_of
 from gateway.ipc.messages import Done, GetStatus, Status
-from gateway.relay.recorder import Recorder
-from gateway.relay.replay import Replay
+from gateway.recording import traffic
+from gateway.recording.replay import Replay
+from gateway.recording.writer import Recorder
 from tests.relay.handover_site import STEEPER, machine, table_of, without_actual
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ import pytest
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.process_events import CAPTURE_FAILED
 from gateway.config.load import Loaded, load
-from gateway.ipc import traffic
 from gateway.ipc.desk import Desk
 from gateway.ipc.messages import Done
 from gateway.ipc.server import ControlServer
-from gateway.ipc.tape import REPLY, SEGMENTS, TEXT, Tape
+from gateway.recording import traffic
+from gateway.recording.tape import REPLY, SEGMENTS, TEXT, Tape
 from gateway.supervisor.capturing import Capturing, write_capture
 from tests.config.config_bench import GOOD, written
 

@@ -7,11 +7,11 @@ from gateway.compiled import mypyc_attr
 from gateway.exchange.commands import Command
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.tap import Tap
-from gateway.ipc import traffic
-from gateway.ipc.capture import frame_entry
 from gateway.ipc.compiled_table import compiled
-from gateway.ipc.tape import ABANDONED, ANSWERED, REPLY, REQUEST, SENT, TEXT, TICK, Raw, Tape, ids_of
-from gateway.relay.recorder import Recorder
+from gateway.recording import traffic
+from gateway.recording.capture import frame_entry
+from gateway.recording.tape import ABANDONED, ANSWERED, REPLY, REQUEST, SENT, TEXT, TICK, Raw, Tape, ids_of
+from gateway.recording.writer import Recorder
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -25,7 +25,7 @@ class KeepingTap(Tap):
         """What controllers were answered of a reply that has not come in whole yet."""
 
     def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
-        """Keep what comes often, as ``ipc.tape`` has it; outputs have no ``t_ns`` (0)."""
+        """Keep what comes often, as ``recording.tape`` has it; outputs have no ``t_ns`` (0)."""
 
     def entry(self, entry: traffic.Entry) -> None:
         """Keep what comes seldom."""

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from gateway.ipc.traffic import End, Entry, Header, encode
+from gateway.recording.traffic import End, Entry, Header, encode
 
 CAPACITY: Final = 50_000
 """Entries that wait for the disk: about ten seconds of the fastest line that we have seen."""

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from gateway.ipc.tape import (
+from gateway.recording.tape import (
     HEAD,
     PAGE,
     REPLY,

@@ -5,10 +5,10 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from gateway.ipc import traffic
 from gateway.ipc.client import NoGatewayError, borrow
 from gateway.ipc.messages import GetTapes, Tapes
-from gateway.ipc.tape import ABANDONED, ANSWERED, REPLY, REQUEST, SENT, TEXT, Look, NoTapeError, Raw
+from gateway.recording import traffic
+from gateway.recording.tape import ABANDONED, ANSWERED, REPLY, REQUEST, SENT, TEXT, Look, NoTapeError, Raw
 
 Timed = tuple[int, traffic.Entry]
 """An entry with its time in ns since boot; an output has that of the input that caused it."""

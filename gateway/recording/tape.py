@@ -36,7 +36,7 @@ ANSWERED: Final = 4
 ABANDONED: Final = 5
 TICK: Final = 6
 TEXT: Final = 7
-"""An entry as a recording has it (``ipc.traffic``)."""
+"""An entry as a recording has it (``recording.traffic``)."""
 _KINDS: Final = frozenset((REQUEST, REPLY, SENT, ANSWERED, ABANDONED, TICK, TEXT))
 
 MOST_GATHERED: Final = 1 << 14
