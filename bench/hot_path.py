@@ -33,15 +33,15 @@ from gateway.exchange.plan import (
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import Transaction
 from gateway.exchange.unit import UnitMap
-from gateway.ipc import traffic
-from gateway.ipc.tape import Tape
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
+from gateway.recording import traffic
+from gateway.recording.tap import TapeTap
+from gateway.recording.tape import Tape
 from gateway.relay.alarm import LineAlarm
 from gateway.relay.controller_port import RtuControllerPort
 from gateway.relay.drive_link import RtuDriveLink
 from gateway.relay.pulse import Beats
-from gateway.relay.recorded import TapeTap
 from gateway.transport.channel import Channel
 
 ROUNDS = 15

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
+from gateway.compiled import mypyc_attr
 from gateway.exchange.axis.events import SteadyTarget
 from gateway.exchange.cut_replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.cut_requests import WRITE, Heads, RequestJudge, beginning_of, shape_of
@@ -64,6 +65,7 @@ class Pauses:
         self.longest_ns = max(self._longest)
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class CuttingLine:
     """What a line does for a request that leaves while it arrives."""
 

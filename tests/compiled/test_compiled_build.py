@@ -65,7 +65,7 @@ def test_what_the_compiling_needs_is_what_pyproject_declares_of_what_is_imported
 def test_an_import_that_no_dependency_covers_is_named(tmp_path: Path) -> None:
     copy = copied(tmp_path)
     # Not compiled itself: a compiled module imports it.
-    module = copy / "gateway" / "ipc" / "traffic.py"
+    module = copy / "gateway" / "recording" / "traffic.py"
     module.write_text("import some_package.of_others\n" + module.read_text())
     done = run(copy / "tools" / "compiled.py", "--needs")
     assert done.returncode == 1
