@@ -41,7 +41,7 @@ from gateway.recording.tape import Tape
 from gateway.relay.alarm import LineAlarm
 from gateway.relay.controller_port import RtuControllerPort
 from gateway.relay.drive_link import RtuDriveLink
-from gateway.relay.pulse import Beats
+from gateway.relay.pulse import Pulse
 from gateway.transport.channel import Channel
 
 ROUNDS = 15
@@ -173,9 +173,10 @@ def relayed_write(*, is_taped: bool) -> Callable[[int], object]:
         tap = TapeTap("line", Tape("line", TAPE_BYTES, boot_ns(), time.time_ns()), _beginning)
     line = LineExchange([plan_of_x()], LineTiming(), link, lambda _: None, tap=tap)
     LineAlarm(line, lambda: 0)
+    pulse = Pulse(line.note_standstill, lambda: None)
     link.attach(line)
     plan = ControllerPlan("cnc", serial=True)
-    port = RtuControllerPort(plan, line, RtuRequestDecoder(), 0, beats=Beats())
+    port = RtuControllerPort(plan, line, RtuRequestDecoder(), 0, beats=pulse)
     port.opened(_End(), boot_ns())
     link.opened(_End(), boot_ns())
     return read_by(port.received, link.received)
