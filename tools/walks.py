@@ -104,24 +104,20 @@ class WalkError(Exception):
     """The program does not do what a walk needs."""
 
 
+POSITIONS: Final = {
+    "stream, same direction (fast path)": [(1, 1000 + 700 * i) for i in range(TIMES + 2)],
+    "stream, reversals": [(1, 50_000 + 900 * (i % 2)) for i in range(TIMES + 2)],
+    "a target (slow path)": [(2, 20_000 + 9_000 * (i % 3)) for i in range(TIMES + 2)],
+}
+"""Position commands of each walk: unit id and counts."""
+
+
 def walks_of(root: Path) -> dict[str, int]:
     """Return how many calls, through how many files, each walk takes. Raises WalkError."""
-    with TemporaryDirectory() as folder, _drives() as drives_port:
-        desk = Path(folder)
-        config, listens = _write(desk, drives_port)
-        _run(root, desk, "check", "--compile", str(config))
-        with _counting(root, desk, "relay", config) as relay, _counted_controller(listens) as controller:
-            _wait_for(lambda: b'"line-up"' in (desk / "relay.log").read_bytes(), "the line to the drives")
+    with _desk(root) as (desk, config, listens):
+        with _counting(root, desk, "relay", config) as relay:
             found: dict[str, int] = {}
-            walks = {
-                "stream, same direction (fast path)": [(1, 1000 + 700 * i) for i in range(TIMES + 2)],
-                "stream, reversals": [(1, 50_000 + 900 * (i % 2)) for i in range(TIMES + 2)],
-                "a target (slow path)": [(2, 20_000 + 9_000 * (i % 3)) for i in range(TIMES + 2)],
-            }
-            for name, targets in walks.items():
-                for each in targets[:2]:  # the way that the first ones take is none of the usual ones
-                    _ask(controller, *each)
-                shortest = min((_count(relay, controller, *each) for each in targets[2:]), key=_calls)
+            for name, shortest in _of_positions(desk, relay, listens).items():
                 found[f"calls of {name}"] = _calls(shortest)
                 found[f"files of {name}"] = len(shortest)
             with _counting(root, desk, "supervise", config) as supervisor:
@@ -130,6 +126,34 @@ def walks_of(root: Path) -> dict[str, int]:
                 found["calls of a reload, supervisor"] = min(_calls(each) for each, _ in counts)
                 found["calls of a reload, relay"] = min(_calls(each) for _, each in counts)
             return found
+
+
+def files_of_positions(root: Path) -> set[str]:
+    """Return the files of the package that a position command touches, on any way. Raises WalkError."""
+    with _desk(root) as (desk, config, listens), _counting(root, desk, "relay", config) as relay:
+        return {file for counts in _of_positions(desk, relay, listens).values() for file in counts}
+
+
+@contextlib.contextmanager
+def _desk(root: Path) -> Iterator[tuple[Path, Path, int]]:
+    """Make a folder with a compiled configuration; yields folder, configuration and port to listen at."""
+    with TemporaryDirectory() as folder, _drives() as drives_port:
+        desk = Path(folder)
+        config, listens = _write(desk, drives_port)
+        _run(root, desk, "check", "--compile", str(config))
+        yield desk, config, listens
+
+
+def _of_positions(desk: Path, relay: "_Process", listens: int) -> dict[str, Counts]:
+    """Return what the shortest of each walk of a position command called."""
+    found: dict[str, Counts] = {}
+    with _counted_controller(listens) as controller:
+        _wait_for(lambda: b'"line-up"' in (desk / "relay.log").read_bytes(), "the line to the drives")
+        for name, targets in POSITIONS.items():
+            for each in targets[:2]:  # the way that the first ones take is none of the usual ones
+                _ask(controller, *each)
+            found[name] = min((_count(relay, controller, *each) for each in targets[2:]), key=_calls)
+    return found
 
 
 def _calls(counts: Counts) -> int:
