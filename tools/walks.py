@@ -114,18 +114,17 @@ POSITIONS: Final = {
 
 def walks_of(root: Path) -> dict[str, int]:
     """Return how many calls, through how many files, each walk takes. Raises WalkError."""
-    with _desk(root) as (desk, config, listens):
-        with _counting(root, desk, "relay", config) as relay:
-            found: dict[str, int] = {}
-            for name, shortest in _of_positions(desk, relay, listens).items():
-                found[f"calls of {name}"] = _calls(shortest)
-                found[f"files of {name}"] = len(shortest)
-            with _counting(root, desk, "supervise", config) as supervisor:
-                _run(root, desk, "reload", str(config))  # both have met, and nothing is left to do
-                counts = [_reload(root, desk, config, (supervisor, relay), i) for i in range(5)]
-                found["calls of a reload, supervisor"] = min(_calls(each) for each, _ in counts)
-                found["calls of a reload, relay"] = min(_calls(each) for _, each in counts)
-            return found
+    with _desk(root) as (desk, config, listens), _counting(root, desk, "relay", config) as relay:
+        found: dict[str, int] = {}
+        for name, shortest in _of_positions(desk, relay, listens).items():
+            found[f"calls of {name}"] = _calls(shortest)
+            found[f"files of {name}"] = len(shortest)
+        with _counting(root, desk, "supervise", config) as supervisor:
+            _run(root, desk, "reload", str(config))  # both have met, and nothing is left to do
+            counts = [_reload(root, desk, config, (supervisor, relay), i) for i in range(5)]
+            found["calls of a reload, supervisor"] = min(_calls(each) for each, _ in counts)
+            found["calls of a reload, relay"] = min(_calls(each) for _, each in counts)
+        return found
 
 
 def files_of_positions(root: Path) -> set[str]:
