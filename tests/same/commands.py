@@ -108,14 +108,14 @@ class CommandsError(Exception):
 def script() -> Iterator[str]:
     """Yield what each step gave, one line each. Raises CommandsError."""
     with TemporaryDirectory(prefix="same-") as folder:
-        desk = _Desk(Path(folder))
+        desk = Desk(Path(folder))
         yield from desk.said("check --compile --json gateway.toml")
         with desk.running():
             yield from _steps(desk)
         yield from desk.logs()
 
 
-def _steps(desk: "_Desk") -> Iterator[str]:
+def _steps(desk: "Desk") -> Iterator[str]:
     yield from desk.moves("at the start")
     for command in (
         "disable gateway.toml x --json",
@@ -154,7 +154,7 @@ def _steps(desk: "_Desk") -> Iterator[str]:
     yield from desk.retained()
 
 
-class _Desk:
+class Desk:
     """A folder with a configuration, drives and a broker, and the program that runs there."""
 
     def __init__(self, folder: Path) -> None:
@@ -173,6 +173,7 @@ class _Desk:
         self._client: Client | None = None
         self._events: list[dict[str, Any]] = []
         self._retained: dict[str, str] = {}
+        self._said: dict[str, str] = {}
         self._number = 0
         self._target = 1000
 
@@ -221,6 +222,30 @@ class _Desk:
         yield from self._plain(done.stderr)
         yield f"exit code {done.returncode}"
 
+    def printed(self, command: str) -> list[Any]:
+        """Run a command of the program; return the JSON that it printed: whole, or line by line."""
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", PROGRAM, *command.split()],
+            cwd=self.folder, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if not done.stdout:
+            raise CommandsError(f"{command}: {done.stderr}")
+        return _documents(done.stdout)
+
+    def text(self, path: str) -> str:
+        """Return a document of the page."""
+        with urllib.request.urlopen(self._url(path), timeout=PATIENCE_S) as reply:
+            return str(reply.read().decode())
+
+    def documents(self, path: str) -> list[Any]:
+        """Return the JSON of a document of the page."""
+        return _documents(self.text(path))
+
+    def topics(self) -> dict[str, Any]:
+        """Return what came by MQTT, by topic: the last one of each, and all events as a list."""
+        said = {topic: _documents(text) for topic, text in [*self._said.items(), *self._retained.items()]}
+        return {**said, f"{TOPICS}/event": list(self._events)}
+
     def moves(self, what: str) -> Iterator[str]:
         """Command each axis to a new target and read it back: replies, and what reached the drives."""
         yield f"moves: {what}"
@@ -267,6 +292,8 @@ class _Desk:
                 self._events.append(json.loads(text))
             elif "/axis/" not in message.topic.removesuffix("/table") and "/line/" not in message.topic:
                 self._retained[message.topic] = text
+            else:
+                self._said[message.topic] = text
 
         client.on_message = came
         client.connect("127.0.0.1", self._ports["mqtt"])
@@ -363,6 +390,13 @@ def _steady(value: Any, key: str = "") -> Any:
     if isinstance(value, dict):
         return {name: _steady(each, name) for name, each in value.items()}
     return [_steady(each) for each in value] if isinstance(value, list) else value
+
+
+def _documents(text: str) -> list[Any]:
+    try:
+        return [json.loads(text)]
+    except json.JSONDecodeError:
+        return [json.loads(line) if line[:1] in "{[" else line for line in text.splitlines()]
 
 
 def _metrics(text: str) -> Iterator[str]:

@@ -1,0 +1,128 @@
+"""The shapes of what programs read: ``python -m tests.promises.shapes`` writes ``shapes.txt`` anew.
+
+A line is a document, the path of a key in it, and the kinds of its values where any was seen. ``*`` stands
+for a name that the configuration gives. The file grows by lines: one that goes breaks somebody's program.
+"""
+
+import re
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final, get_args
+
+import msgspec
+
+from gateway.exchange.commands import TableFor
+from gateway.ipc.messages import Reply, Request
+from tests.same.commands import BAD_TABLE, Desk
+
+FILE: Final = Path(__file__).with_name("shapes.txt")
+NAMED: Final = frozenset({"x", "y", "xy", "cnc", "1", "2"})
+"""Names in the configuration of the desk."""
+KINDS: Final = {bool: "bool", int: "number", float: "number", str: "text"}
+LABEL: Final = re.compile(r'(\w+)="')
+COMMANDS: Final = (
+    "check --json gateway.toml",
+    "status gateway.toml --json",
+    "disable gateway.toml x --json",
+    "enable gateway.toml x --json",
+    "reference gateway.toml x --yes --json",
+    "reload gateway.toml --json",
+    "explain drive-silent --json",
+    "table show tables/x.tab --json",
+    "budget gateway.toml --json",
+    "drives show jmc-rc --json",
+    "capture gateway.toml --json",
+)
+GROUPS: Final = ("table", "drives")
+"""Commands with commands of their own."""
+DOCUMENTS: Final = ("/healthz", "/status", "/tables/x", "/frames/xy", "/history/x")
+Shapes = dict[str, set[str]]
+
+
+def shapes() -> Shapes:
+    """Return the kinds of values at each path of each document, of running processes."""
+    found: Shapes = defaultdict(set)
+    for path, kind in (*_messages(), *_documents()):
+        found[path].update((kind,) if kind else ())
+    return found
+
+
+def lines(found: Shapes) -> list[str]:
+    """Return one line for each path.
+
+    >>> lines({"status axes.*.gain": {"number"}, "status axes": set()})
+    ['status axes', 'status axes.*.gain: number']
+    """
+    return sorted(f"{path}: {', '.join(sorted(kinds))}" if kinds else path for path, kinds in found.items())
+
+
+def _messages() -> Iterator[tuple[str, str]]:
+    """Yield the fields of each message of the socket."""
+    for struct in (*get_args(Request), *get_args(Reply), TableFor):
+        name = struct.__struct_config__.tag or struct.__name__
+        for each in msgspec.structs.fields(struct):
+            yield f"message {name} {each.encode_name}", "required" if each.required else "optional"
+
+
+def _documents() -> Iterator[tuple[str, str]]:
+    with TemporaryDirectory(prefix="shapes-") as folder:
+        desk = Desk(Path(folder))
+        desk.printed("check --compile --json gateway.toml")
+        with desk.running():
+            for what in ("a first target", "another one"):
+                list(desk.moves(what))
+            desk.changed(lambda: desk.write_table("X", "0.05"))
+            desk.changed(lambda: (desk.folder / "tables" / "x.tab").write_text(BAD_TABLE))
+            desk.changed(lambda: desk.write_table("X", "0.02"))
+            list(desk.commanded("gain", {"axes": ["x"], "forward": 1.0, "backward": 0.5}))
+            for command in COMMANDS:
+                for document in desk.printed(command):
+                    yield from shape_of(
+                        f"$ {' '.join(command.split(' gateway.toml')[0].split()[:2])}", document
+                    )
+            for path in DOCUMENTS:
+                for document in desk.documents(path):
+                    yield from shape_of(f"GET {path.replace('/xy', '/*').replace('/x', '/*')}", document)
+            for line in desk.text("/metrics").splitlines():
+                name, _, labels = line.partition("{")
+                if not line.startswith("#"):
+                    yield f"metric {name.split()[0]}", ""
+                    yield from ((f"metric {name.split()[0]} {label}", "") for label in LABEL.findall(labels))
+            for topic, text in desk.topics().items():
+                if "/command/" in topic:  # these are what was asked
+                    continue
+                yield from shape_of(f"MQTT {_of_any(topic)}", text)
+
+
+def _of_any(topic: str) -> str:
+    """Return a topic without the names that a configuration gives.
+
+    >>> _of_any("pitch-gateway/same/axis/x/table")
+    'pitch-gateway/*/axis/*/table'
+    """
+    return re.sub(r"(?<=[/_])(same|x|y|xy)(?=/|$)", "*", topic)
+
+
+def shape_of(where: str, value: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """Yield each path inside of a value, with the kind of what is there; "" for null.
+
+    >>> list(shape_of("status", {"axes": {"x": {"at": [1.5, None]}}}))
+    [('status axes.*.at[]', 'number'), ('status axes.*.at[]', '')]
+    """
+    if isinstance(value, dict):
+        for key, each in value.items():
+            name = "*" if key in NAMED else key
+            yield from shape_of(where, each, f"{path}.{name}" if path else name)
+    elif isinstance(value, list):
+        for each in value:
+            yield from shape_of(where, each, f"{path}[]")
+    else:
+        yield f"{where} {path}".rstrip(), KINDS.get(type(value), "")
+
+
+if __name__ == "__main__":
+    FILE.write_text("".join(f"{line}\n" for line in lines(shapes())), encoding="utf-8")
+    sys.stdout.write(f"{FILE}\n")
