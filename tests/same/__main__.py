@@ -1,9 +1,10 @@
 """Compares this working tree with a commit of before, byte by byte: ``python -m tests.same``.
 
 Both play the same: the lines of the ledger in virtual time, the sessions of controllers with every drive, the
-corpus of the fuzzer, and a script of commands to running processes. Frames on both wires with their order and
-times, replies, events with their fields, counts, documents and exit codes have to be the same. Of events the
-sentences may differ: they are shown by their code. ``differences.toml`` names what differs on purpose.
+corpus of the fuzzer, walks through the worlds of ``tests.verify`` with the records of axes, and a script of
+commands to running processes. Frames on both wires with their order and times, replies, events with their
+fields, counts, documents and exit codes have to be the same. Of events the sentences may differ: they are
+shown by their code. ``differences.toml`` names what differs on purpose.
 
 What was played stays in ``build/same``, and a run that was cut short goes on there. The commit stands in
 ``tests/same/baseline``; it gets an environment of its own.
@@ -43,7 +44,15 @@ SHOWN: Final = 5
 """Plays of which the first difference is printed."""
 AROUND: Final = 4
 """Lines before it."""
-DECIDES: Final = ("gateway", "tests/contract", "tests/exchange", "tests/fuzz", "tests/ledger", "tests/same")
+DECIDES: Final = (
+    "gateway",
+    "tests/contract",
+    "tests/exchange",
+    "tests/fuzz",
+    "tests/ledger",
+    "tests/same",
+    "tests/verify",
+)
 """What decides how a working tree plays."""
 SENTENCE: Final = re.compile(r"sentence ([\w-]+): (.*)")
 
@@ -70,7 +79,7 @@ class Side:
             _say("")
 
     def names(self) -> list[str]:
-        """Return the sessions and the corpus."""
+        """Return the sessions, the corpus and the worlds."""
         return self._record([]).split()
 
     def _record(self, plays: Sequence[str]) -> str:
@@ -105,7 +114,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=SEEDS, help="of the ledger (%(default)s)")
     parser.add_argument("--requests", type=int, default=REQUESTS, help="of each seed (%(default)s)")
     parser.add_argument(
-        "--only", default="", help="plays whose name begins so: ledger, session, fuzz, commands"
+        "--only", default="", help="plays whose name begins so: ledger, session, fuzz, world, commands"
     )
     asked = parser.parse_args()
     baseline = _baseline()

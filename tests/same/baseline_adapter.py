@@ -5,6 +5,7 @@ Each yields what went over the wires and what was told: a line for each frame or
 """
 
 import asyncio
+import random
 from collections.abc import Callable, Iterator
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -21,8 +22,13 @@ from tests.ledger import world as ledger_world
 from tests.ledger.events import Book
 from tests.ledger.ledger import Ledger
 from tests.ledger.world import SETUPS, World
+from tests.verify import explore
+from tests.verify.designs import BY_NAME
+from tests.verify.errors import BrokenRuleError
+from tests.verify.wires import world_of
 
 FAULT_SHARE: Final = 0.05
+WORLD_EVENTS: Final = 300
 Note = Callable[[str], None]
 
 
@@ -74,6 +80,35 @@ def fuzzed(name: str) -> Iterator[str]:
     TARGETS[target].run(Path(CORPUS, target, file).read_bytes())
     yield from lines
     yield "taken"
+
+
+def worlds() -> list[str]:
+    """Return the names of the worlds of ``tests.verify``."""
+    return sorted(BY_NAME)
+
+
+def world(name: str) -> Iterator[str]:
+    """Walk through a world at random, seeded by its name: events, frames, and what axes keep."""
+    design, rng, lines = BY_NAME[name], random.Random(name), list[str]()
+    played = world_of(design)
+    explore._listen(played, lines.append)
+    for _ in range(WORLD_EVENTS):
+        events = played.happenings()
+        if not events:
+            break
+        event = rng.choice(events)
+        lines.append(str(event))
+        try:
+            played.happen(event)
+        except BrokenRuleError as violation:
+            lines.append(f"broken: {violation}")
+            break
+        played.keep()
+        if design.has_record:
+            lines += (f"record {plan.name} {played.records.read(plan.name)}" for plan in design.plans)
+        yield from lines
+        lines.clear()
+    yield from lines
 
 
 def _hear_events(module: Any, note: Note) -> None:

@@ -18,9 +18,7 @@ def main() -> int:
     module = _loaded(Path(adapter))
     Path(folder).mkdir(parents=True, exist_ok=True)
     if not plays:
-        sys.stdout.write(
-            "\n".join((*(f"session:{n}" for n in module.session_names()), *_corpus(module))) + "\n"
-        )
+        sys.stdout.write("\n".join(_names(module)) + "\n")
         return 0
     for play in plays:
         child = os.fork()
@@ -40,8 +38,10 @@ def file_of(folder: Path, play: str) -> Path:
     return folder / (play.replace("/", "_").replace(":", "_") + ".txt")
 
 
-def _corpus(module: ModuleType) -> Iterator[str]:
+def _names(module: ModuleType) -> Iterator[str]:
+    yield from (f"session:{name}" for name in module.session_names())
     yield from (f"fuzz:{name}" for name in module.corpus())
+    yield from (f"world:{name}" for name in module.worlds())
 
 
 def _loaded(adapter: Path) -> ModuleType:
@@ -72,6 +72,8 @@ def _lines(module: ModuleType, kind: str, name: str) -> Iterator[str]:
         yield from module.ledger(int(seed), int(requests))
     elif kind == "commands":
         yield from _loaded(Path(__file__).with_name("commands.py")).script()
+    elif kind == "world":
+        yield from module.world(name)
     else:
         yield from (module.session if kind == "session" else module.fuzzed)(name)
 
