@@ -25,6 +25,8 @@ PLAIN: Final[Mapping[type, str]] = {
     traffic.RestFirst: "the gateway before left something unanswered: the line rests first",
     traffic.Up: "the drives can be reached",
     traffic.Down: "the drives cannot be reached",
+    traffic.Beginning: "what holds while the line is idle: a replay may begin here",
+    traffic.Unframed: "          ← bytes of which no frame was made yet",
     traffic.Tick: "a deadline passed",
     traffic.Stop: "the gateway stops",
 }
@@ -98,6 +100,14 @@ class Reader:
                 )
             case traffic.Control():
                 return f"command {entry.command} {entry.axis}"
+            case traffic.Tables():
+                return f"table of {', '.join(table.axis for table in entry.tables)}"
+            case traffic.Share():
+                return f"gain of {entry.axis}: forward {entry.forward:g}, backward {entry.backward:g}"
+            case traffic.Limits():
+                return f"limits of {entry.axis}: max_correction {entry.max_correction:g}"
+            case traffic.Temperature():
+                return f"temperature of {entry.axis}: {entry.celsius:g} °C"
             case _:
                 return PLAIN[type(entry)]
 
