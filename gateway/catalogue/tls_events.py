@@ -45,7 +45,7 @@ CERTIFICATE_ENDED: Final = EventEntry(
 CERTIFICATES_RENEWED: Final = EventEntry(
     "certificates-renewed",
     Severity.INFO,
-    "the files of `tls` had changed and are in force for new connections",
+    "the files of `tls` had changed and are in force for new connections; of the page after a reload",
     "a certificate was renewed, or the list of revoked ones is another",
 )
 CERTIFICATES_NOT_RENEWED: Final = EventEntry(
