@@ -254,7 +254,8 @@ REQUEST_REFUSED: Final = EventEntry(
     "minute for "
     "each controller and reason, with how often it happened",
     "a controller with another task than its configuration thinks, a scanner, or somebody who tries",
-    "look at `peer`, `function_code` and `unit_id`; the detail names the key of the controller that says so",
+    "look at `peer`, `function_code` and `unit_id`; the detail names the key of the controller that says so: "
+    "where it may do that, change the key and start the gateway again",
 )
 SECOND_WRITER: Final = EventEntry(
     "second-writer",

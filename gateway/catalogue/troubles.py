@@ -221,7 +221,8 @@ UNREFERENCED: Final = TroubleEntry(
     Severity.WARNING,
     "not referenced: positions pass uncorrected",
     "the axis was not homed since it was switched on, or lost its reference",
-    "home the axis",
+    "home the axis; where it is homed and its drive has no way to show it, "
+    "`pitch-gateway reference CONFIG AXIS`",
 )
 OFF: Final = TroubleEntry(
     "off",
