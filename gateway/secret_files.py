@@ -64,9 +64,11 @@ def refuse_open_to_others(path: Path) -> None:
         mode = path.stat().st_mode
     except OSError:
         return
-    for right, what, letter in ((stat.S_IROTH, "read it", "r"), (stat.S_IWOTH, "write to it", "w")):
-        if mode & right:
-            raise FileRefusedError(
-                f"every user of this machine may {what} (mode {stat.S_IMODE(mode):04o})",
-                f"chmod o-{letter} {path}",
-            )
+    rights = ((stat.S_IROTH, "read it", "r"), (stat.S_IWOTH, "write to it", "w"))
+    given = [(what, letter) for right, what, letter in rights if mode & right]
+    if given:
+        may = " and ".join(what for what, _ in given)
+        raise FileRefusedError(
+            f"every user of this machine may {may} (mode {stat.S_IMODE(mode):04o})",
+            f"chmod o-{''.join(letter for _, letter in given)} {path}",
+        )

@@ -67,9 +67,10 @@ CUT_THROUGH_OFF: Final = EventEntry(
     "measured they would not leave a character sooner; told once for each, and tried again",
     "an adapter that hands bytes over in lumps (a latency timer of 16 ms, a FIFO), a slow side in "
     "front of a fast one, or a machine that is busy with other things",
-    "let the gateway set the latency timer (`low_latency`, see "
-    "[latency settings](#what-a-serial-port-adds-latency-settings)), give the relay `fifo`, or leave "
-    "`cut_through` out; `pitch-gateway budget CONFIG` shows what the wires alone would allow",
+    "see with `pitch-gateway budget CONFIG` what the wires alone would allow: where no frame gains, take "
+    "`cut_through` out; else let the gateway set the latency timer (`low_latency`, see "
+    "[latency settings](#what-a-serial-port-adds-latency-settings)), or give the relay `fifo`; then start "
+    "the gateway again",
 )
 DRIVE_ANSWERS: Final = EventEntry(
     "drive-answers",
@@ -126,7 +127,8 @@ AXIS_BLOCKED: Final = EventEntry(
     "a target was lost on the way to the drive: the triggers of the axis are refused until it has accepted a "
     "complete one; stops pass",
     "the drive refused or did not answer a write, or a request of the controller was refused",
-    "let the controller write the whole target again",
+    "let the controller write the whole target again, of a group those of all its axes; where the gateway "
+    "itself refused it, the event `refused-value` before it says what has to be another",
 )
 AXIS_RELEASED: Final = EventEntry(
     "axis-released",
@@ -148,8 +150,8 @@ GROUP_SKEWED: Final = EventEntry(
     "an axis of a group has gone, or may have, and the target of another one was refused: the beam is skewed "
     "by as much as the detail says; the gateway stops nothing by itself",
     "the drive refused its trigger or did not answer, or its target was lost before",
-    "stop the axes where the machine cannot bear it; else write the target of the refused axis again and "
-    "run it",
+    "stop the axes where the machine cannot bear it; else write the target of the refused axis again, one "
+    "that it may have, and run it",
 )
 RESTAGED: Final = EventEntry(
     "restaged",
@@ -252,7 +254,8 @@ REQUEST_REFUSED: Final = EventEntry(
     "minute for "
     "each controller and reason, with how often it happened",
     "a controller with another task than its configuration thinks, a scanner, or somebody who tries",
-    "look at `peer`, `function_code` and `unit_id`; the detail names the key of the controller that says so",
+    "look at `peer`, `function_code` and `unit_id`; the detail names the key of the controller that says so: "
+    "where it may do that, change the key and start the gateway again",
 )
 SECOND_WRITER: Final = EventEntry(
     "second-writer",
@@ -292,5 +295,6 @@ TERM_TOO_LARGE: Final = EventEntry(
     "what `thermal` and `cross` would add comes, together with the table, to more than `max_correction`: "
     "they stay as they were, or are left out where another table came",
     "a warm machine with a table that needs nearly all of `max_correction`, or a wrong `alpha` or `fixed_at`",
-    "check `alpha`, `reference` and `fixed_at`; raise `max_correction` only if the machine is that bad",
+    "check `alpha`, `reference` and `fixed_at`, and start the gateway again after a change; raise "
+    "`max_correction` only if the machine is that bad",
 )

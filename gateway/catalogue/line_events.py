@@ -70,7 +70,8 @@ CONNECTION_REFUSED: Final = EventEntry(
     "a connection to a controller's address was closed at once; told once a minute for each host",
     "a host that `allow` does not name, more connections than `max_connections` and `connects_per_s` take, "
     "or too many TLS handshakes",
-    "add the host to `allow` if it may connect; else find out what runs on it",
+    "add the host to `allow` if it may connect, or raise the key that the detail names, and start the "
+    "gateway again; else find out what runs on it",
 )
 CONNECTION_CLOSED: Final = EventEntry(
     "connection-closed",
@@ -79,9 +80,8 @@ CONNECTION_CLOSED: Final = EventEntry(
     "made room; "
     "told once a minute for each host",
     "a controller that keeps connections it does not use, or somebody who only wants to take the places",
-    "let the controller close what it does not use; raise `max_connections` or `idle_timeout_s` where they "
-    "are too "
-    "low for it",
+    "let the controller close what it does not use; where `max_connections` or `idle_timeout_s` is too low "
+    "for it, raise it and start the gateway again",
 )
 CONNECTION_MALFORMED: Final = EventEntry(
     "connection-malformed",

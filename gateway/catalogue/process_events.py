@@ -133,7 +133,8 @@ CAPTURE_FAILED: Final = EventEntry(
     Severity.WARNING,
     "the frames before and after the event `on` could not be written",
     "no room in the folder of the state, the relay is away, or it was started with `size_mb = 0`",
-    "do what the detail says; `pitch-gateway capture CONFIG FILE` takes what is still there",
+    "do what the detail says; `pitch-gateway capture CONFIG FILE` takes what is still there, into a folder "
+    "where there is room",
 )
 SUPERVISING: Final = EventEntry(
     "supervising", Severity.INFO, "the supervisor begins, with the configuration that it follows", "a start"

@@ -12,7 +12,8 @@ HTTP_NOT_OPEN: Final = EventEntry(
     Severity.WARNING,
     "the page, or the socket `supervisor.sock`, cannot be opened; tried again, everything else goes on",
     "the port is taken, an address that this machine has not, a state folder that cannot be written",
-    "change `[http] listen`, then `pitch-gateway reload CONFIG`; or end what has taken the port",
+    "end what has taken the port (`ss -ltnp` names it): it is opened by itself; or change `[http] listen`, "
+    "then `pitch-gateway reload CONFIG`",
 )
 HTTP_REFUSED: Final = EventEntry(
     "http-refused",
@@ -21,7 +22,9 @@ HTTP_REFUSED: Final = EventEntry(
     "minute for each "
     "address, with how often it happened",
     "a browser before its log-in, a certificate that is not known here, a scanner, or somebody who tries",
-    "do nothing about a person who then logs in; else find out what runs at that address",
+    "do nothing about a person who then logs in; name a token in `[[http.tokens]]` for a program that may "
+    "look, as a monitoring system, then `pitch-gateway reload CONFIG`; else find out what runs at that "
+    "address",
 )
 TOKEN_REFUSED: Final = EventEntry(
     "token-refused",
@@ -67,7 +70,8 @@ MQTT_LOST: Final = EventEntry(
     Severity.WARNING,
     "there is no connection to the broker; told once for each reason, and tried again after up to a minute",
     "the broker is off, refuses user or certificate, or another client has the same `client_id`",
-    "do what the detail says; change `[mqtt]`, then `pitch-gateway reload CONFIG`",
+    "do what the detail says: the broker and the password file are tried again by themselves; where `[mqtt]` "
+    "was wrong, `pitch-gateway reload CONFIG`",
 )
 MQTT_COMMANDS_NOT_HEARD: Final = EventEntry(
     "mqtt-commands-not-heard",
@@ -89,7 +93,8 @@ MQTT_COMMAND_IGNORED: Final = EventEntry(
     Severity.WARNING,
     "a command that the broker keeps was ignored: it would be obeyed again at every start",
     "it was published with the retain flag",
-    "take it away as the detail says, and publish commands without retain",
+    "take it away with the command of the detail, to which `-h` with the broker belongs, and `-u` and `-P` "
+    "where it asks who; publish commands without retain",
 )
 MQTT_COMMANDS_TOO_MANY: Final = EventEntry(
     "mqtt-commands-too-many",

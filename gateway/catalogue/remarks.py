@@ -34,7 +34,8 @@ REMARKS: Final = (
         "warning, but `lint` fails",
         "unit slip: a value below 0.001 among values of 0.1 and more; version 2 values all below 0.01; "
         "version 3 values above 0.1 inch or 0.5 mm, on an axis longer than 1.67 m in proportion",
-        "write all values in one unit, or name the unit of the file with `table_options`",
+        "write all values in the unit that the file states; where it states none, name it with `file_units` "
+        "of `table_options`",
     ),
     RemarkEntry(
         "L5",
@@ -87,7 +88,7 @@ REMARKS: Final = (
         "error",
         "a correction above `max_correction` (0.5 mm, or 0.3 mm/m of travel or table where that is more)",
         "check the unit of the values and their sign; raise `max_correction` where the axis really is so "
-        "far off",
+        "far off, then `pitch-gateway reload CONFIG`",
     ),
     RemarkEntry(
         "L13",

@@ -197,15 +197,16 @@ BLOCKED: Final = TroubleEntry(
     Severity.ERROR,
     "a target was lost on the way to the drive: starts are refused until a whole one arrives",
     "the drive refused or did not answer a write, or a request of the controller was refused",
-    "let the controller send the target again",
+    "let the controller send the target again, of a group those of all its axes; where the gateway itself "
+    "refused it, the event `refused-value` in the log says why",
 )
 GROUP_SKEWED: Final = TroubleEntry(
     "group-skewed",
     Severity.ERROR,
     "the axes of a group have not all gone: one has, and the target of another one was refused",
     "the drive refused its trigger or did not answer, or its target was lost before",
-    "stop the axes where the machine cannot bear it; else write the target of the refused axis again and "
-    "run it",
+    "stop the axes where the machine cannot bear it; else write the target of the refused axis again, one "
+    "that it may have, and run it",
     title="Beam skewed",
 )
 GROUP_HELD: Final = TroubleEntry(
@@ -220,7 +221,8 @@ UNREFERENCED: Final = TroubleEntry(
     Severity.WARNING,
     "not referenced: positions pass uncorrected",
     "the axis was not homed since it was switched on, or lost its reference",
-    "home the axis",
+    "home the axis; where it is homed and its drive has no way to show it, "
+    "`pitch-gateway reference CONFIG AXIS`",
 )
 OFF: Final = TroubleEntry(
     "off",
@@ -273,14 +275,16 @@ OVER_BUDGET: Final = TroubleEntry(
     Severity.WARNING,
     "the gateway takes longer than `budget_us` for the exchanges of an axis",
     "the machine is busy with something else",
-    "look at the load of the machine; `pitch-gateway budget CONFIG` shows what the line can hold",
+    "look at the load of the machine; set `fifo` and `cpus` in `[relay]`, then start the gateway again; "
+    "where the axis can bear it, raise `budget_us`, then `pitch-gateway reload CONFIG`",
 )
 SENSOR_SILENT: Final = TroubleEntry(
     "sensor-silent",
     Severity.WARNING,
     "the temperature sensor of an axis says nothing",
     "the sensor, its cable or its broker is off; it publishes to another topic, or stands at another address",
-    "look at the sensor, its broker or the address it is read from",
+    "look at the sensor, its broker or the address it is read from; where something came that is no "
+    "temperature, or could not be read, the log says so: `temperature-wrong`, `temperature-not-read`",
 )
 OTHER_AXIS_UNKNOWN: Final = TroubleEntry(
     "other-axis-unknown",
@@ -295,15 +299,17 @@ TERM_TOO_LARGE: Final = TroubleEntry(
     "what `thermal` and `cross` would add comes, with the table, to more than `max_correction`: it does not "
     "follow",
     "a warm machine with a table that needs nearly all of `max_correction`, or a wrong `alpha` or `fixed_at`",
-    "check alpha, reference and fixed_at of the axis; raise max_correction only if the machine is that bad",
+    "check `alpha`, `reference` and `fixed_at` of the axis, and start the gateway again after a change; "
+    "raise `max_correction` only if the machine is that bad",
 )
 SUPERVISOR_DOWN: Final = TroubleEntry(
     "supervisor-down",
     Severity.WARNING,
     "the supervisor does not answer: tables are not watched, and page and MQTT say nothing",
     "it was not started, ended, or cannot start: a mistake in the configuration, a full disk",
-    "look at its log; start it with `systemctl start pitch-gateway-supervisor`, which `run` does by itself; "
-    "the relay goes on with what it has",
+    "look at its log; start it with `systemctl start pitch-gateway-supervisor`, or beside `record` and "
+    "`relay` with `pitch-gateway supervise CONFIG`; `run` does it by itself; the relay goes on with what it "
+    "has",
 )
 CONFIGURATION: Final = TroubleEntry(
     "configuration",

@@ -28,7 +28,9 @@ def record(
     log_format: HowToLog = LogFormat.AUTO,
     status_every: StatusEvery = 0.0,
 ) -> None:
-    """Run the gateway as run does, and record everything that passes.
+    """Run the gateway's relay, and record everything that passes.
+
+    It moves frames and corrects as with run. Page, MQTT and new tables need supervise in a second terminal.
 
     The recording holds every request, reply, time-out and command with its time, what the gateway made of it,
     the configuration and the tables: replay runs it again, anywhere. Anybody who may read it can see the

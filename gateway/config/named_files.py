@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.config.findings import Findings
+from gateway.config.problems import key_text
 from gateway.config.toml_lines import KeyPath
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.secret_files import (
@@ -25,7 +26,7 @@ class NamedFileError(Exception):
     """A file that cannot be used: the key that names it, what was found and what to do; never its content."""
 
     def __init__(self, key: KeyPath, found: str, remedy: str) -> None:
-        super().__init__(f"{'.'.join(map(str, key))}: {found}; {remedy}")
+        super().__init__(f"{key_text(key)}: {found}; {remedy}")
         self.key = key
         self.found = found
         self.remedy = remedy

@@ -2,6 +2,7 @@
 
 import os
 import pwd
+import shlex
 from pathlib import Path
 
 from gateway.ipc.folder_problems import ANOTHER, FolderProblem
@@ -21,7 +22,7 @@ def why_not_for_root(folder: Path) -> FolderProblem | None:
         return None
     name = _name_of(uid)
     found = f"{folder} belongs to user {name}, who could not use what root writes there"
-    return FolderProblem(found, f"do it as that user (sudo -u {name} …), or {ANOTHER}")
+    return FolderProblem(found, f"do it as that user (sudo -u {shlex.quote(name)} …), or {ANOTHER}")
 
 
 def _name_of(uid: int) -> str:

@@ -140,8 +140,8 @@ def _pin(cpus: tuple[int, ...]) -> Refused | None:
         "relay.cpus",
         list(cpus),
         why or f"no CPU {numbers_text(missing)} for this process",
-        f"this machine has CPUs {_online_cpus()}, the process ran on {numbers_text(before)}; "
-        "in the systemd unit: AllowedCPUs=",
+        f"name some of {numbers_text(before)}, on which the process runs; this machine has "
+        f"{_online_cpus()}, and AllowedCPUs= of the systemd unit says which of them the process may have",
     )
 
 

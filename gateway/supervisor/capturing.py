@@ -16,6 +16,7 @@ from gateway.config.gateway_model import CaptureSection
 from gateway.config.load import Loaded
 from gateway.config.recording_header import header_of
 from gateway.ipc.client import NoGatewayError
+from gateway.ipc.folder_problems import problem_of
 from gateway.ipc.place import socket_path
 from gateway.recording import traffic
 from gateway.recording.capture import Capture, NoCaptureError, write_recording
@@ -64,8 +65,10 @@ class Capturing:
             work = partial(write_capture, self._state, self._loaded, self._event, datetime.now(UTC))
             try:
                 file, frames = await aside(work)
-            except (NoGatewayError, NoCaptureError, OSError) as error:
+            except (NoGatewayError, NoCaptureError) as error:
                 self._say(CAPTURE_FAILED, on=self._event, detail=str(error))
+            except OSError as error:
+                self._say(CAPTURE_FAILED, on=self._event, detail=str(problem_of(error, self._state)))
             else:
                 self._say(CAPTURED, on=self._event, file=str(file), entries=frames)
             self._is_wanted.clear()

@@ -26,7 +26,8 @@ async def read_on(
         try:
             await _read_connected(source, take, complain)
         except (TransportError, NoReplyError, OSError) as error:
-            complain(f"{source.modbus}: {error}")
+            said = str(error)
+            complain(said if said.startswith(f"{source.modbus} ") else f"{source.modbus}: {said}")
         await asyncio.sleep(source.every_s)
 
 

@@ -74,6 +74,11 @@ class Endings:
         """Whether it was still good when it was told of, and when that was."""
         self._looked: datetime | None = None
 
+    def is_other(self, held: tuple[Held, ...]) -> bool:
+        """Whether one of these files holds something else than what is in force of it."""
+        files = {(each.key, each.file) for each in held}
+        return any((each.key, each.file) in files and each not in held for each in self._held)
+
     def take(self, held: tuple[Held, ...]) -> None:
         """Go by these from now on; what was told of one that stays counts."""
         self._held = held

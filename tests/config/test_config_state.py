@@ -110,5 +110,8 @@ def test_root_writes_nothing_where_the_service_of_another_user_has_its_state(tmp
         f"do it as that user (sudo -u {name} …), or choose another folder with [gateway] state"
     )
     assert list(state.iterdir()) == []
+    os.chown(state, 4_000_000_000, -1)  # nobody's: to a shell a bare # begins a comment
+    with pytest.raises(StateError, match=r"\(sudo -u '#4000000000' …\)"):
+        compile_into_state(loaded)
     os.chown(state, 0, -1)
     compile_into_state(loaded)

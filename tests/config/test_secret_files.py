@@ -33,7 +33,9 @@ def test_without_a_service_manager_it_is_said_how_to_get_one(monkeypatch: pytest
         secret_path("credential:http.token", Path("/etc"))
 
 
-@pytest.mark.parametrize(("mode", "taken"), [(0o600, ""), (0o640, ""), (0o604, "r"), (0o602, "w")])
+@pytest.mark.parametrize(
+    ("mode", "taken"), [(0o600, ""), (0o640, ""), (0o604, "r"), (0o602, "w"), (0o606, "rw")]
+)
 def test_what_every_user_may_read_or_write_is_refused(mode: int, taken: str, tmp_path: Path) -> None:
     path = tmp_path / "key"
     path.touch()

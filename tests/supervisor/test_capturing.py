@@ -88,3 +88,26 @@ async def test_which_events_are_heard(
     running.cancel()
     await asyncio.wait([running])
     assert said.empty()
+
+
+async def test_a_capture_that_cannot_be_written_says_where_and_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.supervisor.capturing.AFTER_S", 0.0)
+    monkeypatch.setattr("gateway.supervisor.capturing.PREFIX", "nowhere/capture-")
+    state = tmp_path / "state"
+    tape = Tape("xyz", SEGMENTS * 4096, 0, 0)
+    server = ControlServer(state, Desk(lambda _request: Done(), tapes=lambda: {"xyz": tape.descriptor}))
+    await server.open()
+    said: asyncio.Queue[str] = asyncio.Queue()
+    capturing = Capturing(state, lambda event, **fields: said.put_nowait(fields["detail"]))
+    capturing.follow(configured(tmp_path))
+    running = asyncio.create_task(capturing.run())
+    capturing.happened("drive-silent")
+    detail = await asyncio.wait_for(said.get(), 30.0)
+    running.cancel()
+    await asyncio.wait([running])
+    await server.close()
+    tape.close()
+    assert detail.startswith(f"{state}/nowhere/capture-")
+    assert "drive-silent.jsonl: No such file or directory; " in detail

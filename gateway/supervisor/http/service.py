@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from gateway.backoff import Backoff
 from gateway.catalogue.publishing_events import HTTP_NOT_OPEN, HTTP_READY, HTTP_REFUSED, TOKEN_UNUSABLE
+from gateway.catalogue.tls_events import CERTIFICATES_RENEWED
 from gateway.config.check_lines import is_loopback
 from gateway.config.http_model import HttpSection
 from gateway.config.named_files import NamedFileError
@@ -147,6 +148,8 @@ class HttpService:
             door.connection, host, wanted.endpoint.port, start_serving=context is None
         )
         self._tcp_problem = None
+        if self._endings.is_other(held):
+            self._window.say(CERTIFICATES_RENEWED, detail="http.tls: the page is served with them")
         self._endings.take(held)
         watching = [asyncio.create_task(door.watch())]
         watching.append(asyncio.create_task(self._watch()))

@@ -247,7 +247,7 @@ async def test_a_token_that_cannot_be_used_lets_nobody_in_and_is_a_problem(tmp_p
         for shown in (cookie, bearer(TOKEN), "Authorization: Bearer"):
             assert (await visitor.ask("/status", shown)).status == 401
         problem = str(visitor.served.service.status["problem"])
-        assert problem.startswith('token "people": http.tokens.0.file: ')
+        assert problem.startswith('token "people": http.tokens[1].file: ')
         assert [event["detail"] for event in visitor.events("token-unusable")] == [
             f"{problem}; nobody gets in by it"
         ]

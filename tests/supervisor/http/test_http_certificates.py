@@ -80,6 +80,7 @@ async def test_serving_anew_does_not_tell_of_the_same_certificate_again(tmp_path
         await until(lambda: len(visitor.events("http-ready")) > before)
         assert len(visitor.served.service.status["certificates"]) == 2
         assert len(visitor.events("certificate-ends-soon")) == 1
+        assert visitor.events("certificates-renewed") == []
         visitor.served.service.configure(section(visitor.served.port, None), "mill-1", tmp_path)
         await until(lambda: visitor.served.service.status["certificates"] == [])
 

@@ -336,8 +336,10 @@ async def test_a_renewed_certificate_is_shown_after_a_reload(tmp_path: Path, cer
         same = section(visitor.served.port, mine)
         visitor.served.service.configure(same, "mill-1", tmp_path)
         assert await shown() == old
-        signed_by(mine, "ca", "page", "IP:127.0.0.1,DNS:localhost")
-        (mine / "page.key").chmod(0o600)
+        for new, file in zip(
+            signed_by(mine, "ca", "page-2", "IP:127.0.0.1"), ("page.crt", "page.key"), strict=True
+        ):
+            (mine / file).write_bytes(new.read_bytes())
         visitor.served.service.configure(
             same, "mill-1", tmp_path
         )  # tables were read anew, and not the configuration
@@ -346,6 +348,7 @@ async def test_a_renewed_certificate_is_shown_after_a_reload(tmp_path: Path, cer
         visitor.served.service.configure(section(visitor.served.port, mine), "mill-1", tmp_path)
         await until(lambda: "http-ready" in [event for event, _ in visitor.served.said[said:]])
         assert await shown() != old
+        assert [event for event, _ in visitor.served.said[said:]] == ["certificates-renewed", "http-ready"]
         assert (await visitor.ask("/status", cookie)).status == 200  # nobody has to log in for that
 
 

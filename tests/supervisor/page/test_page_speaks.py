@@ -16,13 +16,13 @@ def test_a_german_browser_reads_german_and_hears_it(visit: Visit) -> None:
     }
     silent = {
         **trouble(kind="drive-silent", what="its drive (unit id 1) has not answered for 12 s"),
-        "remedy": "home the axis",
+        "remedy": "measure the whole travel",
         "says": told,
     }
     visit.stage.show(model({"x": axis()}, None, silent))
     visit.until_text("#troubles .what", "ihr Antrieb (Adresse 1) antwortet seit 12 s nicht")
     visit.until_text("#troubles .where", "Achse x")
-    visit.until_text("#troubles .remedy", "Referenzieren Sie die Achse")
+    visit.until_text("#troubles .remedy", "Messen Sie den ganzen Verfahrweg")
     assert visit.page.locator("html").get_attribute("lang") == "de"
     for role, name in (
         ("region", "Zustand des Gateways"),
