@@ -6,7 +6,7 @@ from typing import Final
 
 from gateway.budget.line import ControllerBudget, ExchangeBudget, line_budget
 from gateway.budget.sequence import AS_MAPPED, Blocks
-from gateway.ipc.plan import LinePlan
+from gateway.state.plan import LinePlan
 from gateway.transport.endpoints import SerialEndpoint
 
 FAST_BAUD: Final = 115_200

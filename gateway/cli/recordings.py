@@ -11,7 +11,7 @@ from gateway.ipc.traffic import CAPTURED, FORMAT, WITHOUT_PEERS, Header
 from gateway.relay.replay import ReplayError
 
 if TYPE_CHECKING:
-    from gateway.ipc.plan import GatewayPlan
+    from gateway.state.plan import GatewayPlan
 
 TABLES_FOLDER = "tables"
 

@@ -25,8 +25,8 @@ from gateway.exchange.plan import (
     StopWord,
     default_late,
 )
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, TlsPlan
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, TlsPlan
 
 
 def build_plan(

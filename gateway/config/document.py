@@ -12,7 +12,7 @@ from gateway.config.problems import ConfigErrors, Problem, key_text
 from gateway.config.toml_lines import KeyLines, key_lines
 from gateway.config.toml_words import GRAMMAR, in_words
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.ipc.state_folder import LARGEST_CONFIGURATION
+from gateway.state.folder import LARGEST_CONFIGURATION
 
 _PLACE: Final = re.compile(
     r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)"

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.config.load import Loaded
-from gateway.ipc.plan import GatewayPlan, RelayOptions
 from gateway.secret_files import CREDENTIAL, is_credential_name
+from gateway.state.plan import GatewayPlan, RelayOptions
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 RELAY_UNIT: Final = "pitch-gateway-relay.service"

@@ -10,12 +10,12 @@ import sys
 from functools import partial
 
 from gateway.ipc.children import follow_parent, tell_parent
-from gateway.ipc.compiled_plan import read_plan
 from gateway.ipc.notes import note_writer, take_standard_error
 from gateway.ipc.program_options import options_of
 from gateway.ipc.service_manager import handed_over, manager_of
-from gateway.ipc.state_folder import StateError, state_folder
 from gateway.relay.errors import StartError
+from gateway.state.compiled_plan import read_plan
+from gateway.state.folder import StateError, state_folder
 
 
 def main() -> int:

@@ -16,7 +16,6 @@ from gateway.catalogue.line_events import (
 from gateway.clock import boot_ns
 from gateway.exchange.cut_line import Wire
 from gateway.exchange.plan import ControllerPlan
-from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
 from gateway.modbus.rtu_echo import ReplyEcho
 from gateway.modbus.rtu_line import RtuCounters
@@ -28,6 +27,7 @@ from gateway.relay.refusals import Refusals
 from gateway.relay.secure_door import SecureDoor
 from gateway.relay.timed import TimedExchange
 from gateway.relay.watchdog import Accepting
+from gateway.state.plan import ControllerLink
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc
 from gateway.transport.channel import Receiver

@@ -32,14 +32,10 @@ from gateway.exchange.control import (
 )
 from gateway.exchange.latency_status import BOUNDS_US
 from gateway.exchange.line import LineExchange
-from gateway.ipc.compiled_plan import find_table as find_table_in
-from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.desk import Desk
-from gateway.ipc.folder_problems import why_open_to_others
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note
 from gateway.ipc.place import ROOT_UID, SocketError
-from gateway.ipc.plan import GatewayPlan, RelayOptions
 from gateway.ipc.server import ControlServer
 from gateway.limits import Reports
 from gateway.relay.activity import Activity
@@ -53,6 +49,10 @@ from gateway.relay.line import Line
 from gateway.relay.recorder import Recorder
 from gateway.relay.scheduling import in_force, schedule
 from gateway.relay.status_unit import StatusUnit
+from gateway.state.compiled_plan import find_table as find_table_in
+from gateway.state.compiled_plan import shape_of
+from gateway.state.folder import why_open_to_others
+from gateway.state.plan import GatewayPlan, RelayOptions
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 

@@ -6,7 +6,9 @@ from contextlib import AbstractContextManager
 from typing import Protocol
 
 from gateway.exchange.control import Control, ControlError, SetTables, TableChange
-from gateway.ipc.compiled_table import (
+from gateway.ipc.messages import Done, SetTable, TableFor
+from gateway.ipc.sealed_memory import NotSealedError, map_sealed
+from gateway.state.tables import (
     HEADER_BYTES,
     MAX_POINTS,
     POINT_BYTES,
@@ -14,8 +16,6 @@ from gateway.ipc.compiled_table import (
     check_points,
     mapped,
 )
-from gateway.ipc.messages import Done, SetTable, TableFor
-from gateway.ipc.sealed_memory import NotSealedError, map_sealed
 
 LARGEST_BYTES = HEADER_BYTES + MAX_POINTS * POINT_BYTES
 

@@ -38,7 +38,6 @@ from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.exchange.ports import OwnUnit
 from gateway.exchange.status import axes_status, line_status
 from gateway.ipc import traffic
-from gateway.ipc.plan import LinePlan
 from gateway.ipc.tape import Tape
 from gateway.relay.activity import Activity
 from gateway.relay.axis_record import AxisRecord, boot_id, record_path
@@ -52,6 +51,7 @@ from gateway.relay.recorded import FileSink, RecordedExchange, RecordedLink, Sin
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
 from gateway.relay.watchdog import STUCK_NS
+from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint

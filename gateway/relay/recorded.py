@@ -23,10 +23,10 @@ from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.ipc import traffic
 from gateway.ipc.capture import frame_entry
-from gateway.ipc.compiled_table import checked, compiled
 from gateway.ipc.tape import ABANDONED, ANSWERED, REPLY, REQUEST, SENT, TEXT, TICK, Raw, Tape, ids_of
 from gateway.relay.recorder import Recorder
 from gateway.relay.timed import TimedExchange
+from gateway.state.tables import checked, compiled
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -17,11 +17,11 @@ from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, DriveLink, OwnUnit
 from gateway.ipc import traffic
-from gateway.ipc.compiled_table import WrongTableError
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable
 from gateway.relay.recorded import message_of
+from gateway.state.plan import GatewayPlan, LinePlan
+from gateway.state.tables import WrongTableError
 from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 

@@ -19,12 +19,12 @@ from gateway.exchange.plan import CompensationMode
 from gateway.ipc.children import RELOADS
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import Note, note_of
-from gateway.ipc.plan import GatewayPlan
 from gateway.ipc.service_manager import ServiceManager
 from gateway.relay.gateway import Relay
 from gateway.relay.keeping import Keeping
 from gateway.relay.recorder import Recorder
 from gateway.relay.watchdog import Heart
+from gateway.state.plan import GatewayPlan
 from gateway.transport.loop import RelayLoop
 
 SWITCH_INTERVAL_S: Final = 1e-4

@@ -19,8 +19,6 @@ from gateway.config.tables_folder import what_is_strange
 from gateway.exchange.limits import limits_of
 from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
-from gateway.ipc.compiled_plan import CompiledPlan, TablesFolder, last_plan, shape_of, write_tables
-from gateway.ipc.compiled_table import digest_of
 from gateway.ipc.messages import (
     ClearTable,
     Done,
@@ -37,9 +35,11 @@ from gateway.ipc.messages import (
     TableFor,
 )
 from gateway.ipc.place import SocketError, socket_path
-from gateway.ipc.plan import LinePlan
 from gateway.ipc.sealed_memory import seal
-from gateway.ipc.state_folder import StateError, state_folder
+from gateway.state.compiled_plan import CompiledPlan, TablesFolder, last_plan, shape_of, write_tables
+from gateway.state.folder import StateError, state_folder
+from gateway.state.plan import LinePlan
+from gateway.state.tables import digest_of
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight

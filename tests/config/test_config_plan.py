@@ -19,8 +19,8 @@ from gateway.compensation.settings import (
 from gateway.compensation.units import Units
 from gateway.drives.motion import Form
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
-from gateway.ipc.plan import ControllerLink, LinePlan, RelayOptions
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
+from gateway.state.plan import ControllerLink, LinePlan, RelayOptions
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from tests.config.config_bench import GOOD, ONE_WAY, edited, loaded
 

@@ -11,7 +11,6 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import ask
-from gateway.ipc.compiled_table import compiled
 from gateway.ipc.messages import (
     ClearTable,
     Disable,
@@ -22,11 +21,12 @@ from gateway.ipc.messages import (
     SetTable,
     TableFor,
 )
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.ipc.sealed_memory import seal
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.gateway import Relay
 from gateway.relay.recorder import Recorder
+from gateway.state.plan import GatewayPlan, LinePlan
+from gateway.state.tables import compiled
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, RawEnd, Tools

@@ -14,13 +14,13 @@ from gateway.ipc import traffic
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.messages import Ping
 from gateway.ipc.place import socket_path
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from gateway.relay.errors import StartError
 from gateway.relay.gateway import Relay
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay
+from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint
 
 if TYPE_CHECKING:

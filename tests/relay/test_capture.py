@@ -19,11 +19,11 @@ from gateway.ipc import traffic
 from gateway.ipc.capture import Capture, NoCaptureError, Timed
 from gateway.ipc.client import borrow
 from gateway.ipc.messages import GetTapes, Tapes
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField
 from gateway.relay.gateway import Relay
 from gateway.relay.replay import Replay, ReplayResult
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 from tests.exchange.line_bench import Memory
 

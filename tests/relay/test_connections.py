@@ -11,11 +11,11 @@ import pytest
 
 from gateway.exchange.plan import LineTiming
 from gateway.ipc import traffic
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.gateway import Relay
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay
+from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 
 if TYPE_CHECKING:

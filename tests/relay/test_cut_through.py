@@ -16,9 +16,9 @@ from gateway.compensation.settings import Setpoints
 from gateway.exchange.cut_through import Turn
 from gateway.exchange.leads import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, write_shape
 from gateway.exchange.line import LineExchange
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
 from gateway.relay.gateway import Relay
+from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.serial import SerialPort
 from gateway.transport.serial_channel import character_ns

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gateway.exchange.plan import Role
-from gateway.ipc.plan import RoleRights, TlsPlan
 from gateway.ipc.traffic import FORMAT, Header, Request, decode
 from gateway.relay.gateway import Relay
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay, ReplayError
+from gateway.state.plan import RoleRights, TlsPlan
 from tests.relay.secure_site import WRITE, WRITTEN, Site, ask
 
 if TYPE_CHECKING:

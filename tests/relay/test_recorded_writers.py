@@ -10,11 +10,11 @@ import pytest
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.rights import Rights
 from gateway.ipc import traffic
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.gateway import Relay
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 from tests.commands import typed
 

@@ -29,8 +29,6 @@ from gateway.exchange.control import (
 from gateway.exchange.limits import Limits
 from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, OtherUnits, Reference
 from gateway.ipc import traffic
-from gateway.ipc.compiled_table import compiled
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.ipc.traffic import Answered, End, Entry, Header, Sent, Tick
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField
@@ -39,6 +37,8 @@ from gateway.relay.gateway import Relay
 from gateway.relay.recorded import entry_of, message_of
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay, ReplayError, ReplayResult
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
+from gateway.state.tables import compiled
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gateway.exchange.plan import ControllerPlan
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from gateway.relay.errors import StartError
 from gateway.relay.gateway import Relay
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.serial import open_port
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from gateway.compensation.settings import Setpoints
 from gateway.ipc import traffic
 from gateway.ipc.client import ask
-from gateway.ipc.compiled_table import compiled, digest_of
 from gateway.ipc.messages import (
     ClearTable,
     Disable,
@@ -22,6 +21,7 @@ from gateway.ipc.messages import (
 )
 from gateway.relay.recorder import Recorder
 from gateway.relay.replay import Replay
+from gateway.state.tables import compiled, digest_of
 from tests.relay.handover_site import STEEPER, machine, table_of, without_actual
 
 if TYPE_CHECKING:

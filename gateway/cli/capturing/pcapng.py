@@ -15,9 +15,9 @@ from struct import Struct, pack
 from typing import Final
 
 from gateway.ipc import traffic
-from gateway.ipc.plan import GatewayPlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
+from gateway.state.plan import GatewayPlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 ETHERNET: Final = 1

@@ -21,10 +21,10 @@ from gateway.config.recording_header import header_of
 from gateway.ipc import traffic
 from gateway.ipc.capture import Capture, Timed, write_recording
 from gateway.ipc.client import ask
-from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.messages import Ping, Pong
 from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.readable import Reader
+from gateway.state.compiled_plan import shape_of
 from gateway.times import NS_PER_S, span
 
 EVERY_S: Final = 0.1

@@ -21,10 +21,7 @@ from gateway.compensation.backlash import with_backlash
 from gateway.compensation.table import CorrectionTable
 from gateway.exchange.plan import AxisPlan, without_live_values
 from gateway.files import FileRefusedError
-from gateway.ipc.compiled_table import WrongTableError, checked, compiled, digest_of
-from gateway.ipc.plain_data import PlainReader, WrongDataError, to_plain
-from gateway.ipc.plan import GatewayPlan
-from gateway.ipc.state_folder import (
+from gateway.state.folder import (
     PLAN_NAME,
     TABLE_SUFFIX,
     TABLES_NAME,
@@ -34,7 +31,9 @@ from gateway.ipc.state_folder import (
     table_path,
     write_whole,
 )
-from gateway.ipc.state_version import (
+from gateway.state.plain_data import PlainReader, WrongDataError, to_plain
+from gateway.state.plan import GatewayPlan
+from gateway.state.state_version import (
     FORMAT,
     UNSEALED,
     VERSION,
@@ -46,6 +45,7 @@ from gateway.ipc.state_version import (
     upgraded,
     writer_of,
 )
+from gateway.state.tables import WrongTableError, checked, compiled, digest_of
 
 OTHERS_KEPT: Final = 4
 """Tables of no axis that stay in the state folder all the same."""

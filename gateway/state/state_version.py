@@ -17,7 +17,7 @@ import msgspec
 
 import gateway
 from gateway.files import FileRefusedError
-from gateway.ipc.state_folder import PLAN_NAME, StateError, read_state
+from gateway.state.folder import PLAN_NAME, StateError, read_state
 
 FORMAT: Final = "pitch-gateway plan"
 VERSION: Final = 6

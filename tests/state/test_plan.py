@@ -20,10 +20,9 @@ from gateway.config.compile import compile_into_state
 from gateway.config.load import Loaded, load
 from gateway.drives import library
 from gateway.drives.profile import Transport
-from gateway.ipc.compiled_plan import OTHERS_KEPT, find_table, in_force, last_plan, read_plan, shape_of
-from gateway.ipc.compiled_table import HEADER_BYTES, WrongTableError, checked, compiled, digest_of, mapped
-from gateway.ipc.state_folder import PLAN_NAME, StateError, state_folder, table_path
-from gateway.ipc.state_version import (
+from gateway.state.compiled_plan import OTHERS_KEPT, find_table, in_force, last_plan, read_plan, shape_of
+from gateway.state.folder import PLAN_NAME, StateError, state_folder, table_path
+from gateway.state.state_version import (
     DamagedError,
     newer_release,
     refuse_newer,
@@ -31,6 +30,7 @@ from gateway.ipc.state_version import (
     unsealed,
     writer_of,
 )
+from gateway.state.tables import HEADER_BYTES, WrongTableError, checked, compiled, digest_of, mapped
 
 ROOT = Path(__file__).parents[2]
 CONFIG = """

@@ -20,10 +20,11 @@ from gateway.config.problems import ConfigErrors
 from gateway.exchange.axis import record_layout
 from gateway.exchange.axis.record_layout import RecordSlots, why_not_readable
 from gateway.exchange.rights import UNLIMITED
-from gateway.ipc import compiled_table
-from gateway.ipc.compiled_plan import last_plan, read_plan
-from gateway.ipc.state_folder import PLAN_NAME, StateError
-from gateway.ipc.state_version import (
+from gateway.relay.axis_record import record_path
+from gateway.state import tables as compiled_table
+from gateway.state.compiled_plan import last_plan, read_plan
+from gateway.state.folder import PLAN_NAME, StateError
+from gateway.state.state_version import (
     VERSION,
     newer_release,
     refuse_newer,
@@ -32,7 +33,6 @@ from gateway.ipc.state_version import (
     upgraded,
     writer_of,
 )
-from gateway.relay.axis_record import record_path
 
 OLD = Path(__file__).parents[1] / "data" / "state_of_version_2"
 
