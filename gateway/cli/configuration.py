@@ -37,7 +37,7 @@ def compile_for_start_or_exit(config: Path) -> Path:
     from gateway.config.last_good import Source, settle
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
-    from gateway.state.compiled_plan import last_plan
+    from gateway.state.last_good import last_plan
 
     try:
         loaded = load(config, forgives_tables=True, is_start=True)

@@ -121,7 +121,9 @@ def _controller_link(controller: ControllerSection, folder: Path) -> ControllerL
         rights=controller.rights,
     )
     tls = _tls_plan(controller, folder)
-    return ControllerLink(plan, controller.endpoint, controller.allow, controller.limits, tls)
+    return ControllerLink(
+        plan, controller.endpoint, tuple(map(str, controller.allow)), controller.limits, tls
+    )
 
 
 def _tls_plan(controller: ControllerSection, folder: Path) -> TlsPlan | None:

@@ -9,9 +9,8 @@ from gateway.config.load import Loaded
 from gateway.config.problems import key_text
 from gateway.config.toml_lines import KeyPath
 from gateway.ipc.service_user import why_not_for_root
-from gateway.state.compiled_plan import CompiledPlan, TablesFolder, write_plan
 from gateway.state.folder import StateError, problem_of
-from gateway.state.plan import GatewayPlan
+from gateway.state.plan import CompiledPlan, GatewayPlan, TablesFolder, write_plan
 
 
 def compile_into_state(

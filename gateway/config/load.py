@@ -35,8 +35,7 @@ from gateway.config.readings import TableReading, read_tables
 from gateway.config.sections import Sections, read_sections
 from gateway.config.tables import AxisTable
 from gateway.config.toml_lines import key_lines
-from gateway.state.compiled_plan import TablesFolder
-from gateway.state.plan import GatewayPlan
+from gateway.state.plan import GatewayPlan, TablesFolder
 from gateway.transport.certificates import now_utc
 
 

@@ -6,7 +6,7 @@ from gateway.config.document import Document
 from gateway.config.explain import UNKNOWN_KEY
 from gateway.config.problems import ConfigErrors, Problem
 from gateway.state.folder import DEFAULT_STATE
-from gateway.state.state_version import newer_release
+from gateway.state.plan import newer_release
 
 
 def with_newer_release(errors: ConfigErrors, document: Document) -> ConfigErrors:

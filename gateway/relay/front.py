@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from datetime import datetime
 from functools import partial
+from ipaddress import ip_network
 from typing import Final
 
 from gateway.catalogue.entry import EventEntry
@@ -68,7 +69,7 @@ class TcpFront:
             self._door = SecureDoor(link, link.tls, self._port, self._refusals, note)
         self._listener = TcpListener(
             endpoint,
-            link.allow,
+            map(ip_network, link.allow),
             self._receiver,
             self._refusals.add,
             limits=link.limits,

@@ -49,10 +49,9 @@ from gateway.relay.line import Line
 from gateway.relay.recorder import Recorder
 from gateway.relay.scheduling import in_force, schedule
 from gateway.relay.status_unit import StatusUnit
-from gateway.state.compiled_plan import find_table as find_table_in
-from gateway.state.compiled_plan import shape_of
 from gateway.state.folder import why_open_to_others
-from gateway.state.plan import GatewayPlan, RelayOptions
+from gateway.state.plan import GatewayPlan, RelayOptions, shape_of
+from gateway.state.tables import find_table as find_table_in
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -69,7 +68,8 @@ class Relay:
     ``state`` is the folder of its socket and of the records of its axes; without it there are none. With a
     ``recorder`` everything that passes is recorded. ``find_table`` finds a table that was in force in an
     earlier run, by its ``compensation.fingerprint.table_digest``. ``keeping`` is what a service manager keeps
-    of its sockets and ports. A relay lives once: make another one to start again.
+    of its sockets and ports, ``shape`` that of the plan where it was compiled. A relay lives once: make
+    another one to start again.
     """
 
     def __init__(
@@ -81,6 +81,7 @@ class Relay:
         recorder: Recorder | None = None,
         find_table: FindTable | None = None,
         keeping: Keeping | None = None,
+        shape: str = "",
     ) -> None:
         self._plan = plan
         self._journal = Journal(write)
@@ -94,7 +95,7 @@ class Relay:
         self._looks = self._turns = 0
         self._turning: asyncio.TimerHandle | None = None
         self._collecting = Collecting(lambda: not self.busy_lines, self._activity)
-        self._shape = shape_of(plan)
+        self._shape = shape or shape_of(plan)
         self._refused_tables: Reports[str] = Reports()
         self._find_table = find_table or (None if state is None else partial(find_table_in, state))
 

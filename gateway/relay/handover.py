@@ -8,14 +8,7 @@ from typing import Protocol
 from gateway.exchange.control import Control, ControlError, SetTables, TableChange
 from gateway.ipc.messages import Done, SetTable, TableFor
 from gateway.ipc.sealed_memory import NotSealedError, map_sealed
-from gateway.state.tables import (
-    HEADER_BYTES,
-    MAX_POINTS,
-    POINT_BYTES,
-    WrongTableError,
-    check_points,
-    mapped,
-)
+from gateway.state.tables import HEADER_BYTES, MAX_POINTS, POINT_BYTES, WrongTableError, check_points, mapped
 
 LARGEST_BYTES = HEADER_BYTES + MAX_POINTS * POINT_BYTES
 

@@ -19,8 +19,6 @@ LARGEST_CONFIGURATION: Final = 4_000_000
 LARGEST_STATE: Final = 200_000_000
 """Bytes: of a compiled file."""
 PLAN_NAME: Final = "plan.msgpack"
-TABLES_NAME: Final = "tables"
-TABLE_SUFFIX: Final = ".doubles"
 ANOTHER: Final = "choose another folder with [gateway] state"
 LEAST_FREE_BYTES: Final = 64 * 1024
 """With less on its disk a folder is full: a compiled plan has some ten kilobytes."""
@@ -85,11 +83,6 @@ def read_state(path: Path) -> bytes:
     return read_regular_file(path, LARGEST_STATE, "a file")
 
 
-def table_path(state: Path, digest: str) -> Path:
-    """Return where a compiled table is kept."""
-    return state / TABLES_NAME / f"{digest}{TABLE_SUFFIX}"
-
-
 def make_folder(folder: Path) -> None:
     """Make a folder of the state where there is none; only this user may look into it.
 
@@ -97,6 +90,12 @@ def make_folder(folder: Path) -> None:
         OSError: it cannot be made.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+
+def write_if_new(path: Path, content: bytes) -> None:
+    """Write a file as :func:`write_whole` does, where it does not hold the same already."""
+    if not path.is_file() or path.read_bytes() != content:
+        write_whole(path, content)
 
 
 def write_whole(path: Path, content: bytes) -> None:

@@ -1,8 +1,13 @@
-"""A lock in the state folder: one process of its kind for each folder, and the next one knows."""
+"""Locks in the state folder: one process of a kind for each folder, and one writer at a time."""
 
+import contextlib
 import fcntl
 import os
+from collections.abc import Iterator
 from pathlib import Path
+
+from gateway.state.folder import make_folder
+from gateway.state.tables import FOLDER_NAME
 
 
 def take_lock(path: Path) -> int:
@@ -21,3 +26,16 @@ def take_lock(path: Path) -> int:
         os.close(descriptor)
         raise
     return descriptor
+
+
+@contextlib.contextmanager
+def alone_in(state: Path) -> Iterator[None]:
+    """Wait until nobody else writes here: two at once would remove each other's tables."""
+    make_folder(state)
+    make_folder(state / FOLDER_NAME)
+    descriptor = os.open(state / FOLDER_NAME, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)

@@ -15,7 +15,7 @@ from gateway.ipc.place import socket_path
 from gateway.ipc.service_manager import ServiceManager
 from gateway.state.folder import StateError, make_folder, problem_of
 from gateway.state.lock import take_lock
-from gateway.state.state_version import refuse_newer, writer_of
+from gateway.state.plan import refuse_newer, writer_of
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.sights import ignore_broken_leases
 from gateway.supervisor.supervisor import Supervisor

@@ -36,9 +36,9 @@ from gateway.ipc.messages import (
 )
 from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.sealed_memory import seal
-from gateway.state.compiled_plan import CompiledPlan, TablesFolder, last_plan, shape_of, write_tables
 from gateway.state.folder import StateError, state_folder
-from gateway.state.plan import LinePlan
+from gateway.state.last_good import last_plan
+from gateway.state.plan import CompiledPlan, LinePlan, TablesFolder, shape_of, write_tables
 from gateway.state.tables import digest_of
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.sights import look

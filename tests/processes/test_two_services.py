@@ -14,7 +14,7 @@ from gateway.ipc.messages import Ping, Pong
 from gateway.ipc.notes import LogFormat
 from gateway.ipc.supervisor_client import ask_supervisor
 from gateway.state.folder import PLAN_NAME
-from gateway.state.state_version import VERSION, sealed, unsealed
+from gateway.state.plan import VERSION, sealed, unsealed
 from tests.child import started
 from tests.commands import typed
 from tests.processes.bench import (

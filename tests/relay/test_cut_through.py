@@ -9,6 +9,7 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import msgspec
 import pytest
 
 from gateway.clock import boot_ns
@@ -150,7 +151,7 @@ async def wires_of(bench: "Bench", tools: "Tools", *, echo: bool = False, tape_b
     settings = replace(plain.settings, setpoints=Setpoints.STREAM, hysteresis=0.002)
     plan = LinePlan(
         "line",
-        replace(ends[0], echo=echo),
+        msgspec.structs.replace(ends[0], echo=echo),
         (link,),
         (replace(plain, settings=settings, actual=()),),
         replace(tools.timing, response_timeout_ms=20_000.0),

@@ -20,17 +20,30 @@ from gateway.config.compile import compile_into_state
 from gateway.config.load import Loaded, load
 from gateway.drives import library
 from gateway.drives.profile import Transport
-from gateway.state.compiled_plan import OTHERS_KEPT, find_table, in_force, last_plan, read_plan, shape_of
-from gateway.state.folder import PLAN_NAME, StateError, state_folder, table_path
-from gateway.state.state_version import (
+from gateway.state.folder import PLAN_NAME, StateError, state_folder
+from gateway.state.last_good import last_plan
+from gateway.state.plan import (
     DamagedError,
+    in_force,
     newer_release,
+    read_plan,
     refuse_newer,
     sealed,
+    shape_of,
     unsealed,
     writer_of,
 )
-from gateway.state.tables import HEADER_BYTES, WrongTableError, checked, compiled, digest_of, mapped
+from gateway.state.tables import (
+    HEADER_BYTES,
+    OTHERS_KEPT,
+    WrongTableError,
+    checked,
+    compiled,
+    digest_of,
+    find_table,
+    mapped,
+    table_path,
+)
 
 ROOT = Path(__file__).parents[2]
 CONFIG = """
@@ -220,15 +233,13 @@ def test_a_table_is_known_to_be_damaged_wherever_a_byte_is_wrong_and_made_anew(c
     assert path.read_bytes() == good
 
 
-def test_a_plan_with_what_this_release_does_not_know_is_refused(config: Path) -> None:
+def test_a_plan_that_holds_something_else_is_refused(config: Path) -> None:
     compile_into_state(load(config))
     path = state_folder(config) / PLAN_NAME
     file = msgspec.msgpack.decode(unsealed(path.read_bytes()))
-    plan = msgspec.msgpack.decode(file["plan"])
-    plan["of"]["lines"][0]["of"]["colour"] = "red"
-    file["plan"] = msgspec.msgpack.encode(plan)
+    file["plan"]["lines"][0]["drives"]["type"] = "PigeonEndpoint"
     path.write_bytes(sealed(msgspec.msgpack.encode(file)))
-    with pytest.raises(StateError, match=r"is not understood: .*colour"):
+    with pytest.raises(StateError, match=r"is not understood: .*PigeonEndpoint"):
         read_plan(state_folder(config), config)
 
 

@@ -7,7 +7,7 @@ from gateway.config.load import load
 from gateway.ipc.messages import Ping, Pong, Status, decode_request, encode
 from gateway.ipc.notes import Note
 from gateway.ipc.place import socket_path
-from gateway.state.compiled_plan import shape_of
+from gateway.state.plan import shape_of
 from gateway.supervisor.supervisor import Supervisor
 from tests.processes.bench import CONFIG, TABLE
 

@@ -24,7 +24,7 @@ from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
 from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.readable import Reader
-from gateway.state.compiled_plan import shape_of
+from gateway.state.plan import shape_of
 from gateway.times import NS_PER_S, span
 
 EVERY_S: Final = 0.1

@@ -39,8 +39,7 @@ from gateway.metrology.cycle import bidirectional_cycle, remaining
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period, lead_warnings, periods_of
 from gateway.metrology.readings import Reading
-from gateway.state.compiled_plan import shape_of
-from gateway.state.plan import GatewayPlan
+from gateway.state.plan import GatewayPlan, shape_of
 
 STOPPED_BY_SIGNAL: Final = 128
 """Added to the number of a signal, this is the exit code of a command that it stopped, as in a shell."""
