@@ -112,15 +112,15 @@ class Keeper:
         if self.loaded is None:
             return self.reload(still)
         taken, before = self.loaded, last_plan(self.loaded.state_folder)
-        compiled = self._as_compiled(before)
-        is_another = compiled is not None and compiled.document.text != taken.document.text
+        is_same = before is None or before.configuration == taken.document.text
+        another = None if is_same else self._as_compiled(before)
         try:
-            if compiled is not None and is_another:
-                outcome = self._take(compiled, still, before)
+            if another is not None:
+                outcome = self._take(another, still, before)
                 if self.loaded is not taken:
                     self._owed = None
                     return outcome
-            return self._take(taken, still, before, keeps_plan=is_another)
+            return self._take(taken, still, before, keeps_plan=another is not None)
         except ConfigErrors as errors:
             return _of_configuration(errors)
 
@@ -307,6 +307,8 @@ def _is_live(key: str, loaded: Loaded, before: CompiledPlan) -> bool:
 
 
 def _changed_keys(loaded: Loaded, before: CompiledPlan) -> list[str]:
+    if loaded.document.text == before.configuration:
+        return []
     now, then = keys_of(loaded.document.tables), keys_of(tomllib.loads(before.configuration))
     return [key for key in dict.fromkeys((*now, *then)) if now.get(key) != then.get(key)]
 
