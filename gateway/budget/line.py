@@ -21,7 +21,7 @@ from gateway.budget.timing import (
 )
 from gateway.budget.wire import Wire, wire_of
 from gateway.exchange.plan import DEFAULT_BUDGET_US, AxisPlan, Role
-from gateway.ipc.plan import ControllerLink, LinePlan
+from gateway.state.plan import ControllerLink, LinePlan
 from gateway.times import NS_PER_MS, US_PER_MS
 
 BROADCAST = Frame(5, 0)

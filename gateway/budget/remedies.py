@@ -4,9 +4,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
+import msgspec
+
 from gateway.budget.line import ControllerBudget, ExchangeBudget, line_budget
 from gateway.budget.sequence import AS_MAPPED, Blocks
-from gateway.ipc.plan import LinePlan
+from gateway.state.plan import LinePlan
 from gateway.transport.endpoints import SerialEndpoint
 
 FAST_BAUD: Final = 115_200
@@ -82,12 +84,12 @@ def _changes(plan: LinePlan, index: int, blocks: Blocks) -> Iterator[tuple[str, 
     link = plan.controllers[index]
     all_of_it, changes = plan, 0
     if isinstance(plan.drives, SerialEndpoint) and plan.drives.baudrate < FAST_BAUD:
-        drives = replace(plan.drives, baudrate=FAST_BAUD)
+        drives = msgspec.structs.replace(plan.drives, baudrate=FAST_BAUD)
         yield f"drives at {FAST_BAUD} Bd", replace(plan, drives=drives), blocks
         all_of_it, changes = replace(all_of_it, drives=drives), changes + 1
     if isinstance(link.endpoint, SerialEndpoint) and link.endpoint.baudrate < FAST_BAUD:
         links = list(plan.controllers)
-        links[index] = replace(link, endpoint=replace(link.endpoint, baudrate=FAST_BAUD))
+        links[index] = replace(link, endpoint=msgspec.structs.replace(link.endpoint, baudrate=FAST_BAUD))
         yield f"{link.plan.name} at {FAST_BAUD} Bd", replace(plan, controllers=tuple(links)), blocks
         all_of_it, changes = replace(all_of_it, controllers=tuple(links)), changes + 1
     if changes > 1:

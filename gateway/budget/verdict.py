@@ -10,7 +10,7 @@ from gateway.budget.remedies import remedies, waited
 from gateway.budget.sequence import AS_MAPPED, Blocks, What, Why
 from gateway.budget.words import ms, sum_text
 from gateway.exchange.plan import AxisPlan, Role
-from gateway.ipc.plan import LinePlan
+from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS, US_PER_MS
 from gateway.transport.endpoints import TcpEndpoint
 

@@ -40,7 +40,6 @@ STARTS: Final = (
     ),
     StartEntry("… is damaged", "a disk that was full or failed, or another file in its place", _COMPILE),
     StartEntry("… is not understood", "the file was spoilt", _COMPILE),
-    StartEntry("… holds no plan", "the file was spoilt", _COMPILE),
     StartEntry("… holds another table than its name says", "the file was spoilt", _COMPILE),
     StartEntry(
         "gateway.state: … belongs to a supervisor that runs",
@@ -58,16 +57,6 @@ STARTS: Final = (
         "the gateway was installed again in an older release",
         "install the newer one again, or move the state folder away while nothing runs: the axes then start "
         "without what they remember",
-    ),
-    StartEntry(
-        "state version … is newer than …",
-        "the compiled configuration was written by a newer release",
-        f"{_COMPILE}",
-    ),
-    StartEntry(
-        "state version … is too old to be taken over",
-        "the compiled configuration was written by a release from before 0.1",
-        f"{_COMPILE}",
     ),
     StartEntry(
         "… has … bytes, and the path of a socket",

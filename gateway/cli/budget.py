@@ -12,7 +12,7 @@ from gateway.cli.configuration import load_or_exit
 if TYPE_CHECKING:
     from gateway.budget.sequence import Blocks
     from gateway.config.findings import Findings
-    from gateway.ipc.plan import GatewayPlan
+    from gateway.state.plan import GatewayPlan
 
 MOST_READ = 125
 MOST_WRITTEN = 123

@@ -10,7 +10,7 @@ from gateway.budget.remedies import remedies
 from gateway.budget.sequence import Blocks
 from gateway.budget.wire import Wire
 from gateway.budget.words import ms, rate_text
-from gateway.ipc.plan import LinePlan
+from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 

@@ -7,7 +7,7 @@ import typer
 
 if TYPE_CHECKING:
     from gateway.config.load import Loaded
-    from gateway.ipc.plan import GatewayPlan
+    from gateway.state.plan import GatewayPlan
 
 
 def load_or_exit(config: Path, *, checks_times: bool = True, is_start: bool = False) -> "Loaded":
@@ -37,7 +37,7 @@ def compile_for_start_or_exit(config: Path) -> Path:
     from gateway.config.last_good import Source, settle
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
-    from gateway.ipc.compiled_plan import last_plan
+    from gateway.state.last_good import last_plan
 
     try:
         loaded = load(config, forgives_tables=True, is_start=True)
@@ -67,7 +67,7 @@ def compile_or_exit(loaded: "Loaded", plan: "GatewayPlan | None" = None) -> None
     ``plan`` is what it amounts to where that is not what its files say.
     """
     from gateway.config.compile import compile_into_state
-    from gateway.ipc.state_folder import StateError
+    from gateway.state.folder import StateError
 
     try:
         compile_into_state(loaded, plan)
@@ -83,7 +83,7 @@ def state_folder_or_exit(config: Path) -> Path:
     """
     from gateway.config.document import read_document
     from gateway.config.problems import ConfigErrors
-    from gateway.ipc.state_folder import state_folder_anyway
+    from gateway.state.folder import state_folder_anyway
 
     try:
         document = read_document(config)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gateway.cli.probing.readings import AxisReadings
     from gateway.cli.probing.timing import LineTimes
     from gateway.config.load import Loaded
-    from gateway.ipc.plan import LinePlan
+    from gateway.state.plan import LinePlan
 
 BEFORE_THE_FIRST_MOVE = (
     "is the controller's own pitch and backlash compensation off?",

@@ -19,7 +19,7 @@ from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.process_events import RELAY_ENDED, SUPERVISOR_ENDED, SUPERVISOR_STARTED
 from gateway.ipc.children import HELD_BACK, READY, RELOADS
 from gateway.ipc.notes import LogFormat, Note, note_of, take_standard_error
-from gateway.ipc.state_folder import StateError, state_folder
+from gateway.state.folder import StateError, state_folder
 
 STOPS: Final = frozenset({signal.SIGTERM, signal.SIGINT})
 FIRST_WAIT_S: Final = 0.2

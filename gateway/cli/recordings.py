@@ -11,7 +11,7 @@ from gateway.recording.replay import ReplayError
 from gateway.recording.traffic import CAPTURED, FORMAT, WITHOUT_PEERS, Header
 
 if TYPE_CHECKING:
-    from gateway.ipc.plan import GatewayPlan
+    from gateway.state.plan import GatewayPlan
 
 TABLES_FOLDER = "tables"
 

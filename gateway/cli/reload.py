@@ -66,7 +66,7 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
 
 def _outcome(config: Path) -> dict[str, Any]:
     """Have the supervisor reload, or do it here where none answers."""
-    from gateway.ipc.state_folder import StateError, state_folder
+    from gateway.state.folder import StateError, state_folder
 
     with contextlib.suppress(StateError):  # what is wrong with it is said by whoever reads the whole of it
         state = state_folder(config)

@@ -61,7 +61,7 @@ def service(
 
 def write_drop_ins(folder: Path, texts: dict[str, str]) -> dict[Path, bool]:
     """Write the drop-in of each unit; returns the files, each with whether it has changed. Exits with 1."""
-    from gateway.ipc.state_folder import write_whole
+    from gateway.state.folder import write_whole
 
     written: dict[Path, bool] = {}
     for unit, text in texts.items():

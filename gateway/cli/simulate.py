@@ -13,11 +13,11 @@ import typer
 from gateway.cli.arguments import Config
 
 if TYPE_CHECKING:
-    from gateway.ipc.plan import GatewayPlan
     from gateway.simulator.ears import Hearing
     from gateway.simulator.gauge import VirtualGauge
     from gateway.simulator.wire import Cable
     from gateway.simulator.world import ServedLine
+    from gateway.state.plan import GatewayPlan
 
 
 def simulate(

@@ -25,8 +25,8 @@ from gateway.exchange.plan import (
     StopWord,
     default_late,
 )
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, TlsPlan
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, TlsPlan
 
 
 def build_plan(
@@ -121,7 +121,9 @@ def _controller_link(controller: ControllerSection, folder: Path) -> ControllerL
         rights=controller.rights,
     )
     tls = _tls_plan(controller, folder)
-    return ControllerLink(plan, controller.endpoint, controller.allow, controller.limits, tls)
+    return ControllerLink(
+        plan, controller.endpoint, tuple(map(str, controller.allow)), controller.limits, tls
+    )
 
 
 def _tls_plan(controller: ControllerSection, folder: Path) -> TlsPlan | None:

@@ -105,8 +105,10 @@ def _warn_of_counted_registers(findings: Findings, path: KeyPath, raw: object) -
             _warn_of_counted_registers(findings, (*path, key), inside)
     elif path[-1] in ADDRESSES and isinstance(raw, int) and not isinstance(raw, bool):
         first = next((first for first in COUNTED_FROM if first <= raw < first + COUNTED), None)
+        if first is None:
+            return
         line = findings.document.lines.of(path)
-        if first is None or line is None or str(raw) not in findings.document.text.splitlines()[line - 1]:
+        if line is None or str(raw) not in findings.document.text.splitlines()[line - 1]:
             return
         findings.warn(
             path,

@@ -9,7 +9,7 @@ from gateway.config.drive_files import NamedProfile
 from gateway.config.findings import Findings
 from gateway.config.readings import TableReading
 from gateway.config.toml_lines import KeyPath
-from gateway.ipc.folder_problems import why_open_to_others
+from gateway.state.folder import why_open_to_others
 
 
 def check_open_files(

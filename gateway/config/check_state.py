@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Final
 
 from gateway.config.findings import Findings
-from gateway.ipc.folder_problems import why_no_folder, why_open_to_others
 from gateway.ipc.place import ROOT_UID, why_too_long
+from gateway.state.folder import why_no_folder, why_open_to_others
 
 KEY: Final = ("gateway", "state")
 

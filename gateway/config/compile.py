@@ -8,11 +8,9 @@ from typing import Any
 from gateway.config.load import Loaded
 from gateway.config.problems import key_text
 from gateway.config.toml_lines import KeyPath
-from gateway.ipc.compiled_plan import CompiledPlan, TablesFolder, write_plan
-from gateway.ipc.folder_problems import problem_of
-from gateway.ipc.plan import GatewayPlan
 from gateway.ipc.service_user import why_not_for_root
-from gateway.ipc.state_folder import StateError
+from gateway.state.folder import StateError, problem_of
+from gateway.state.plan import CompiledPlan, GatewayPlan, TablesFolder, write_plan
 
 
 def compile_into_state(

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.config.problems import ConfigErrors, Problem, key_text
-from gateway.config.toml_lines import KeyLines, key_lines
+from gateway.config.toml_lines import KeyLines
 from gateway.config.toml_words import GRAMMAR, in_words
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.ipc.state_folder import LARGEST_CONFIGURATION
+from gateway.state.folder import LARGEST_CONFIGURATION
 
 _PLACE: Final = re.compile(
     r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)"
@@ -66,7 +66,7 @@ def parse_document(path: Path, text: str, sha256: str = "") -> Document:
         raise _syntax_error(path, text, error) from None
     if (line := _too_deep_at(tables, text)) is not None:
         raise _refuse(path, *TOO_DEEP, line)
-    return Document(path, tables, key_lines(text), sha256, text)
+    return Document(path, tables, KeyLines(text), sha256, text)
 
 
 def _too_deep_at(tables: Mapping[str, Any], text: str) -> int | None:
@@ -109,7 +109,7 @@ def _syntax_error(path: Path, text: str, error: ValueError) -> ConfigErrors:
     what = f"{place['what'][:1].lower()}{place['what'][1:]}"
     number = int(line) if line else last_line
     remedy = in_words(text.split("\n")[number - 1], int(column) if column else None)
-    duplicate = key_lines(text).duplicate
+    duplicate = KeyLines(text).duplicate
     if duplicate is not None and _TWICE.search(what):
         twice, first, second = duplicate
         what = f"{what}: {key_text(twice)} is given on line {first} and again on line {second}"

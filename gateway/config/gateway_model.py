@@ -8,7 +8,7 @@ from gateway.catalogue.events import EVENTS
 from gateway.config.explain import suggest
 from gateway.config.values import Name
 from gateway.drives.strict import ListOf, StrictModel
-from gateway.ipc.state_folder import DEFAULT_STATE
+from gateway.state.folder import DEFAULT_STATE
 
 
 def _check_event(name: str) -> str:

@@ -12,7 +12,7 @@ from gateway.config.check_tables import ROUNDING
 from gateway.config.load import Loaded
 from gateway.config.readings import TableReading
 from gateway.exchange.plan import AxisPlan, without_live_values
-from gateway.ipc.plan import GatewayPlan
+from gateway.state.plan import GatewayPlan
 from gateway.tabfile import TableState
 
 

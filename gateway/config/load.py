@@ -34,9 +34,8 @@ from gateway.config.problems import ConfigErrors, Problem, in_file_order
 from gateway.config.readings import TableReading, read_tables
 from gateway.config.sections import Sections, read_sections
 from gateway.config.tables import AxisTable
-from gateway.config.toml_lines import key_lines
-from gateway.ipc.compiled_plan import TablesFolder
-from gateway.ipc.plan import GatewayPlan
+from gateway.config.toml_lines import KeyLines
+from gateway.state.plan import GatewayPlan, TablesFolder
 from gateway.transport.certificates import now_utc
 
 
@@ -174,7 +173,7 @@ def problems_of_draft(path: Path, tables: Mapping[str, Any]) -> tuple[Problem, .
 
     Its table files are not looked at. What is missing so far is a problem whose ``found`` is "missing".
     """
-    findings = Findings(Document(path, tables, key_lines("")))
+    findings = Findings(Document(path, tables, KeyLines("")))
     _check_but_tables(findings)
     return in_file_order(findings.problems, str(path))
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 from gateway.config.document import Document
 from gateway.config.explain import UNKNOWN_KEY
 from gateway.config.problems import ConfigErrors, Problem
-from gateway.ipc.state_folder import DEFAULT_STATE
-from gateway.ipc.state_version import newer_release
+from gateway.state.folder import DEFAULT_STATE
+from gateway.state.plan import newer_release
 
 
 def with_newer_release(errors: ConfigErrors, document: Document) -> ConfigErrors:

@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from gateway.drives.strict import ListOf, StrictModel
-from gateway.ipc.plan import RelayOptions
+from gateway.state.plan import RelayOptions
 
 HIGHEST_PRIORITY = 99
 """Of SCHED_FIFO (sched(7))."""

@@ -3,15 +3,15 @@
 Each unit gets one drop-in (systemd.unit(5)). What cannot be narrowed is left open, with its reason.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from ipaddress import IPv6Address, ip_address
 from pathlib import Path
 from typing import Any, Final
 
 from gateway.config.load import Loaded
-from gateway.ipc.plan import GatewayPlan, RelayOptions
 from gateway.secret_files import CREDENTIAL, is_credential_name
+from gateway.state.plan import GatewayPlan, RelayOptions
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 RELAY_UNIT: Final = "pitch-gateway-relay.service"
@@ -55,11 +55,10 @@ class Addresses:
         if not address.is_loopback:
             self.allowed.append(str(address))
 
-    def listener(self, host: str, networks: Iterable[object], who: str) -> None:
+    def listener(self, host: str, networks: Sequence[str], who: str) -> None:
         """Note an address that is listened on, for some networks or for all."""
-        named = [str(network) for network in networks]
-        self.allowed += named
-        if not named and not _is_loopback(host):
+        self.allowed += networks
+        if not networks and not _is_loopback(host):
             self.open_because.append(f"{who} may come from anywhere")
 
     def lines(self) -> Iterator[str]:

@@ -10,7 +10,7 @@ from gateway.compensation.table import CorrectionTable
 from gateway.config.drive_files import NamedProfile
 from gateway.drives.profile import Tier
 from gateway.exchange.plan import AxisPlan
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 

@@ -6,7 +6,7 @@ has to know it too.
 """
 
 from gateway.config.load import Loaded
-from gateway.ipc.compiled_plan import TablesFolder
+from gateway.state.plan import TablesFolder
 from gateway.tabfile import TableState
 
 

@@ -5,8 +5,9 @@ accepted, so it checks nothing and only needs to tell keys, strings, brackets an
 that was refused for a key given twice it finds both places.
 """
 
+import contextlib
 import re
-from collections.abc import Mapping
+from functools import cached_property
 from typing import Final, NamedTuple
 
 KeyPath = tuple[str | int, ...]
@@ -37,34 +38,35 @@ class Duplicate(NamedTuple):
 
 
 class KeyLines:
-    """Line numbers, from 1, of every key and table header of one text."""
+    r"""Line numbers, from 1, of every key and table header of a TOML text; found when one is asked for.
 
-    def __init__(self, lines: Mapping[KeyPath, int], duplicate: "Duplicate | None" = None) -> None:
-        self._lines = lines
-        self.duplicate = duplicate
+    >>> KeyLines('[axis.x]\nunits = "mm"\ntravel = [\n 0, 1]').of(("axis", "x", "travel"))
+    3
+    """
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+
+    @cached_property
+    def _scanner(self) -> "_Scanner":
+        scanner = _Scanner(self._text)
+        with contextlib.suppress(IndexError, AttributeError, RecursionError):
+            # Else not TOML after all, or nested beyond reason: the lines found so far still help.
+            scanner.document()
+        return scanner
+
+    @property
+    def duplicate(self) -> Duplicate | None:
         """The first key that is given twice; such a text is no TOML."""
+        return self._scanner.duplicate
 
     def of(self, path: KeyPath) -> int | None:
         """Line of a key; of the nearest table around it when the key itself is not in the text."""
+        lines = self._scanner.lines
         for length in range(len(path), 0, -1):
-            if path[:length] in self._lines:
-                return self._lines[path[:length]]
+            if path[:length] in lines:
+                return lines[path[:length]]
         return None
-
-
-def key_lines(text: str) -> KeyLines:
-    r"""Find the lines of all keys of a valid TOML text.
-
-    >>> key_lines('[axis.x]\nunits = "mm"\ntravel = [\n 0, 1]').of(("axis", "x", "travel"))
-    3
-    """
-    scanner = _Scanner(text)
-    try:
-        scanner.document()
-    except (IndexError, AttributeError, RecursionError):
-        # Not TOML after all, or nested beyond reason: the lines found so far still help.
-        return KeyLines(scanner.lines, scanner.duplicate)
-    return KeyLines(scanner.lines, scanner.duplicate)
 
 
 class _Scanner:

@@ -8,7 +8,7 @@ import re
 from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
 from typing import Annotated, Final
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator
 
 from gateway.times import US_PER_MS
 from gateway.transport.endpoints import TcpEndpoint
@@ -159,8 +159,8 @@ def read_network(raw: object) -> IPv4Network | IPv6Network:
 Name = Annotated[str, BeforeValidator(read_name)]
 UnitId = Annotated[int, Field(ge=0, le=255)]
 FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
-Tcp = Annotated[TcpEndpoint, BeforeValidator(read_tcp)]
-RtuOverTcp = Annotated[TcpEndpoint, BeforeValidator(read_rtu_over_tcp)]
+Tcp = Annotated[TcpEndpoint, PlainValidator(read_tcp)]
+RtuOverTcp = Annotated[TcpEndpoint, PlainValidator(read_rtu_over_tcp)]
 Device = Annotated[str, BeforeValidator(read_device)]
 Network = Annotated[IPv4Network | IPv6Network, BeforeValidator(read_network)]
 CountsPerUnit = Annotated[float, AfterValidator(check_counts_per_unit)]

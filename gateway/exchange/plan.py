@@ -200,7 +200,7 @@ def without_live_values(plan: AxisPlan) -> AxisPlan:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, order=True)
 class StopWord:
     """What stops some drive: a register, or a coil, that is written with a certain content."""
 

@@ -1,6 +1,5 @@
 """What a controller may ask for, beyond its role: unit ids, function codes, registers, how often."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -19,9 +18,9 @@ class Rights:
     is_read_only: bool = False
     unit_ids: frozenset[int] = frozenset()
     function_codes: frozenset[int] = frozenset()
-    readable: Sequence[RegisterSpan] = ()
+    readable: tuple[RegisterSpan, ...] = ()
     """Addresses that may be read; a request has to stay inside one of the spans."""
-    writable: Sequence[RegisterSpan] = ()
+    writable: tuple[RegisterSpan, ...] = ()
     requests_per_s: float = 0.0
     """Requests in a second over all connections of the controller, in the mean; 0: no limit."""
 

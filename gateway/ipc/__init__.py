@@ -1,1 +1,1 @@
-"""What is handed from the configuration to the relay."""
+"""What the processes share: socket, messages, recordings."""

@@ -8,8 +8,8 @@ import struct
 from pathlib import Path
 from typing import Final
 
-from gateway.ipc.folder_problems import FolderProblem, problem_of
-from gateway.ipc.state_lock import take_lock
+from gateway.state.folder import FolderProblem, problem_of
+from gateway.state.lock import take_lock
 
 SOCKET_NAME: Final = "relay.sock"
 SUPERVISOR_SOCKET_NAME: Final = "supervisor.sock"

@@ -5,8 +5,8 @@ import pwd
 import shlex
 from pathlib import Path
 
-from gateway.ipc.folder_problems import ANOTHER, FolderProblem
 from gateway.ipc.place import ROOT_UID
+from gateway.state.folder import ANOTHER, FolderProblem
 
 
 def why_not_for_root(folder: Path) -> FolderProblem | None:

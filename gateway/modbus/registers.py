@@ -5,7 +5,8 @@ Bytes inside a word are big-endian for every drive known to us; what differs is 
 """
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Final
 
@@ -81,8 +82,15 @@ class BitTable(Enum):
     """A discrete input."""
 
 
+class _WithCodec:
+    """Keeps what packs and unpacks, beside what is written down of a field."""
+
+    __slots__ = ("_codec",)
+    _codec: Codec
+
+
 @dataclass(frozen=True, slots=True)
-class PositionField:
+class PositionField(_WithCodec):
     """One position in a drive's registers: counts = raw × ``scale``.
 
     The address is the one on the wire, counted from 0. With ``block`` the field exists only in frames that
@@ -101,7 +109,6 @@ class PositionField:
     scale: float = 1.0
     access: FieldAccess = FieldAccess.BOTH
     block: int | None = None
-    _codec: Codec = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         codec = codec_of(self.type.value, low_first=self.order is WordOrder.LOW_FIRST)
@@ -113,6 +120,9 @@ class PositionField:
             raise RegisterFieldError(
                 f"scale {self.scale} is not allowed: give the counts per raw step, finite and not 0"
             )
+
+    def __reduce__(self) -> "tuple[Callable[..., PositionField], tuple[object, ...]]":
+        return PositionField, tuple(getattr(self, each.name) for each in fields(self))
 
     @property
     def codec(self) -> Codec:

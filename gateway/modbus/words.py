@@ -4,7 +4,6 @@ One call reads or writes a whole field, and a compiled one takes a few instructi
 """
 
 import struct
-from collections.abc import Callable
 from typing import Final, NoReturn
 
 from librt.strings import (
@@ -27,7 +26,7 @@ WORD_MASK: Final = 0xFFFF
 
 
 class Codec:
-    """One register type in one word order; copied by its name."""
+    """One register type in one word order."""
 
     __slots__ = ("_low_first", "_name", "_struct", "words")
 
@@ -45,9 +44,6 @@ class Codec:
     def pack(self, raw: Raw) -> bytes:
         """Write a value, or raise RegisterRangeError."""
         raise NotImplementedError
-
-    def __reduce__(self) -> "tuple[Callable[[str, bool], Codec], tuple[str, bool]]":
-        return _codec_by_key, (self._name, self._low_first)
 
     def _too_short(self, data: bytes, offset: int) -> NoReturn:
         raise RegisterDataError(
@@ -191,8 +187,4 @@ _CODECS: Final[dict[tuple[str, bool], Codec]] = {
 
 def codec_of(name: str, *, low_first: bool) -> Codec:
     """Return the one codec of a register type in a word order."""
-    return _CODECS[name, low_first]
-
-
-def _codec_by_key(name: str, low_first: bool) -> Codec:
     return _CODECS[name, low_first]

@@ -14,10 +14,10 @@ from ipaddress import IPv4Address, IPv6Address, ip_address
 from struct import Struct, pack
 from typing import Final
 
-from gateway.ipc.plan import GatewayPlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from gateway.recording import traffic
+from gateway.state.plan import GatewayPlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 ETHERNET: Final = 1

@@ -7,11 +7,11 @@ from typing import Final
 from gateway.exchange.access import ACCESS
 from gateway.exchange.commands import Command, SetGain, SetTable, SetTemperature, axes_of
 from gateway.exchange.plan import AxisPlan
-from gateway.ipc.plan import GatewayPlan
 from gateway.modbus.errors import RegisterError
 from gateway.modbus.pdu import EXCEPTION_BIT, ExceptionCode, FunctionCode
 from gateway.modbus.registers import FieldAccess, PositionField
 from gateway.recording import traffic
+from gateway.state.plan import GatewayPlan
 from gateway.times import NS_PER_S
 
 ARROWS: Final = {

@@ -17,11 +17,11 @@ from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, DriveLink, OwnUnit
-from gateway.ipc.compiled_table import WrongTableError, checked
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable
 from gateway.recording import traffic
+from gateway.state.plan import GatewayPlan, LinePlan
+from gateway.state.tables import WrongTableError, checked
 from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 

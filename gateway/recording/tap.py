@@ -7,11 +7,11 @@ from gateway.compiled import mypyc_attr
 from gateway.exchange.commands import Command
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.tap import Tap
-from gateway.ipc.compiled_table import compiled
 from gateway.recording import traffic
 from gateway.recording.capture import frame_entry
 from gateway.recording.tape import ABANDONED, ANSWERED, REPLY, REQUEST, SENT, TEXT, TICK, Raw, Tape, ids_of
 from gateway.recording.writer import Recorder
+from gateway.state.tables import compiled
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -10,12 +10,12 @@ import sys
 from functools import partial
 
 from gateway.ipc.children import follow_parent, tell_parent
-from gateway.ipc.compiled_plan import read_plan
 from gateway.ipc.notes import note_writer, take_standard_error
 from gateway.ipc.program_options import options_of
 from gateway.ipc.service_manager import handed_over, manager_of
-from gateway.ipc.state_folder import StateError, state_folder
 from gateway.relay.errors import StartError
+from gateway.state.folder import StateError, state_folder
+from gateway.state.plan import read_plan
 
 
 def main() -> int:
@@ -34,14 +34,15 @@ def main() -> int:
         service = Service(manager_of(os.environ), tuple(handed_over(os.environ)))
     try:
         state = options.state or state_folder(config)
-        plan = read_plan(state, config, is_compared=options.state is None).plan
+        compiled = read_plan(state, config, is_compared=options.state is None)
         run_relay(
-            plan,
+            compiled.plan,
             note_writer(options.log_format),
             options.status_every_s,
             state=state,
             on_ready=partial(tell_parent, options.parent),
             service=service,
+            shape=compiled.shape,
         )
     except StateError as error:
         problems: tuple[str, ...] = (str(error),)

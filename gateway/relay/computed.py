@@ -1,7 +1,7 @@
 """What arithmetic says of a line, for the status: beside it stands what was measured."""
 
 from gateway.budget.line import line_budget
-from gateway.ipc.plan import LinePlan
+from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS
 
 

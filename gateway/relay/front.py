@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from datetime import datetime
 from functools import partial
+from ipaddress import ip_network
 from typing import Final
 
 from gateway.catalogue.entry import EventEntry
@@ -17,7 +18,6 @@ from gateway.clock import boot_ns
 from gateway.exchange.cut_line import Wire
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
-from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapCounters
 from gateway.modbus.rtu_echo import ReplyEcho
 from gateway.modbus.rtu_line import RtuCounters
@@ -29,6 +29,7 @@ from gateway.relay.pulse import Beats
 from gateway.relay.refusals import Refusals
 from gateway.relay.secure_door import SecureDoor
 from gateway.relay.watchdog import Accepting
+from gateway.state.plan import ControllerLink
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc
 from gateway.transport.channel import Receiver
@@ -72,7 +73,7 @@ class TcpFront:
             self._door = SecureDoor(link, link.tls, self._port, self._refusals, note)
         self._listener = TcpListener(
             endpoint,
-            link.allow,
+            map(ip_network, link.allow),
             self._receiver,
             self._refusals.add,
             limits=link.limits,

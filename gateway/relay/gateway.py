@@ -36,18 +36,7 @@ from gateway.exchange.commands import (
 from gateway.exchange.control import ControlError, limits_in
 from gateway.exchange.latency_status import BOUNDS_US
 from gateway.exchange.line import LineExchange
-from gateway.ipc.compiled_plan import find_table as find_table_in
-from gateway.ipc.compiled_plan import shape_of
-from gateway.ipc.compiled_table import (
-    HEADER_BYTES,
-    MAX_POINTS,
-    POINT_BYTES,
-    WrongTableError,
-    check_points,
-    mapped,
-)
 from gateway.ipc.desk import Desk
-from gateway.ipc.folder_problems import why_open_to_others
 from gateway.ipc.messages import (
     Done,
     GetStatus,
@@ -63,7 +52,6 @@ from gateway.ipc.messages import (
 )
 from gateway.ipc.notes import Note
 from gateway.ipc.place import ROOT_UID, SocketError
-from gateway.ipc.plan import GatewayPlan, RelayOptions
 from gateway.ipc.sealed_memory import NotSealedError, map_sealed
 from gateway.ipc.server import ControlServer
 from gateway.limits import Reports
@@ -76,6 +64,10 @@ from gateway.relay.keeping import Keeping
 from gateway.relay.line import Line
 from gateway.relay.scheduling import in_force, schedule
 from gateway.relay.status_unit import StatusUnit
+from gateway.state.folder import why_open_to_others
+from gateway.state.plan import GatewayPlan, RelayOptions, shape_of
+from gateway.state.tables import HEADER_BYTES, MAX_POINTS, POINT_BYTES, WrongTableError, check_points, mapped
+from gateway.state.tables import find_table as find_table_in
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -94,7 +86,8 @@ class Relay:
     ``state`` is the folder of its socket and of the records of its axes; without it there are none. With a
     ``recorder`` everything that passes is recorded. ``find_table`` finds a table that was in force in an
     earlier run, by its ``compensation.fingerprint.table_digest``. ``keeping`` is what a service manager keeps
-    of its sockets and ports. A relay lives once: make another one to start again.
+    of its sockets and ports, ``shape`` that of the plan where it was compiled. A relay lives once: make
+    another one to start again.
     """
 
     def __init__(
@@ -106,6 +99,7 @@ class Relay:
         recorder: Recorder | None = None,
         find_table: FindTable | None = None,
         keeping: Keeping | None = None,
+        shape: str = "",
     ) -> None:
         self._plan = plan
         self._journal = Journal(write)
@@ -119,7 +113,7 @@ class Relay:
         self._looks = self._turns = 0
         self._turning: asyncio.TimerHandle | None = None
         self._collecting = Collecting(lambda: not self.busy_lines, self._activity)
-        self._shape = shape_of(plan)
+        self._shape = shape or shape_of(plan)
         self._refused_tables: Reports[str] = Reports()
         self._find_table = find_table or (None if state is None else partial(find_table_in, state))
 

@@ -40,8 +40,6 @@ from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.exchange.ports import OwnUnit
 from gateway.exchange.status import axes_status, line_status
 from gateway.exchange.tap import Tap
-from gateway.ipc.compiled_table import compiled
-from gateway.ipc.plan import LinePlan
 from gateway.recording import traffic
 from gateway.recording.tap import FileTap, TapeTap
 from gateway.recording.tape import Tape
@@ -57,6 +55,8 @@ from gateway.relay.keeping import Keeping, keep_port
 from gateway.relay.last_minute import LastMinute
 from gateway.relay.pulse import Pulse
 from gateway.relay.watchdog import STUCK_NS
+from gateway.state.plan import LinePlan
+from gateway.state.tables import compiled
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint

@@ -19,12 +19,12 @@ from gateway.exchange.plan import CompensationMode
 from gateway.ipc.children import RELOADS
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import Note, note_of
-from gateway.ipc.plan import GatewayPlan
 from gateway.ipc.service_manager import ServiceManager
 from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
 from gateway.relay.keeping import Keeping
 from gateway.relay.watchdog import Heart
+from gateway.state.plan import GatewayPlan
 from gateway.transport.loop import RelayLoop
 
 SWITCH_INTERVAL_S: Final = 1e-4
@@ -85,6 +85,7 @@ def run_relay(
     recorder: Recorder | None = None,
     on_ready: Callable[[], None] | None = None,
     service: Service | None = None,
+    shape: str = "",
 ) -> None:
     """Run until SIGTERM or SIGINT, then stop cleanly. ``status_every_s`` 0: no status lines.
 
@@ -93,7 +94,8 @@ def run_relay(
     ``write`` writes a note into the log and may block: it is called by a thread of its own, which nothing
     waits for, except the end for ``ipc.log_thread.CLOSE_S`` seconds at most.
     ``state`` is the folder of the gateway's socket; with a ``recorder`` all traffic is recorded. ``on_ready``
-    is called when all listeners are open. ``service`` is what this process is to a service manager.
+    is called when all listeners are open. ``service`` is what this process is to a service manager,
+    ``shape`` that of the plan where it was compiled (``state.plan``).
 
     Raises:
         StartError: a listener, a port, the socket or the recording cannot be opened.
@@ -102,7 +104,7 @@ def run_relay(
     with asyncio.Runner(loop_factory=RelayLoop) as runner:
         log = LogThread(write)
         service = service or Service(ServiceManager())
-        relay = Relay(plan, noting(log), state=state, recorder=recorder, keeping=service.keeping)
+        relay = Relay(plan, noting(log), state=state, recorder=recorder, keeping=service.keeping, shape=shape)
         serving = _serve(relay, plan, _Log(log), service, status_every_s=status_every_s, on_ready=on_ready)
         runner.run(_with_log(log, serving))
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
-from gateway.ipc.plan import RelayOptions
+from gateway.state.plan import RelayOptions
 
 PROC_STATUS: Final = Path("/proc/self/status")
 RLIMIT_RTPRIO: Final = 14

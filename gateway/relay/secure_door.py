@@ -18,8 +18,8 @@ from gateway.catalogue.tls_events import (
     HANDSHAKE_FAILED,
 )
 from gateway.exchange.plan import ControllerPlan
-from gateway.ipc.plan import ControllerLink, TlsPlan
 from gateway.relay.refusals import Refusals
+from gateway.state.plan import ControllerLink, TlsPlan
 from gateway.transport.certificate_ends import Endings
 from gateway.transport.channel import Receiver
 from gateway.transport.errors import RefusedError

@@ -10,7 +10,6 @@ from typing import Final, Self
 from gateway.compensation.units import Units
 from gateway.drives.motion import Form
 from gateway.exchange.plan import AxisPlan
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.simulator.axis import SimulatedAxis
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import SimulationClock
@@ -25,6 +24,7 @@ from gateway.simulator.ports import PortLinks
 from gateway.simulator.screw import worn_screw
 from gateway.simulator.server import RegisterServer
 from gateway.simulator.wire import PLAIN, Cable, SerialWire
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 CONTROLLER_SUFFIX: Final = ".controller"

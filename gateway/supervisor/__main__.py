@@ -10,7 +10,7 @@ from gateway.ipc.notes import note_writer, take_standard_error
 from gateway.ipc.place import SocketError
 from gateway.ipc.program_options import options_of
 from gateway.ipc.service_manager import manager_of
-from gateway.ipc.state_folder import StateError, state_folder
+from gateway.state.folder import StateError, state_folder
 
 
 def main() -> int:

@@ -16,10 +16,10 @@ from gateway.config.gateway_model import CaptureSection
 from gateway.config.load import Loaded
 from gateway.config.recording_header import header_of
 from gateway.ipc.client import NoGatewayError
-from gateway.ipc.folder_problems import problem_of
 from gateway.ipc.place import socket_path
 from gateway.recording import traffic
 from gateway.recording.capture import Capture, NoCaptureError, write_recording
+from gateway.state.folder import problem_of
 from gateway.supervisor.aside import aside
 
 AFTER_S: Final = 2.0

@@ -20,8 +20,7 @@ from typing import Final
 
 from gateway.catalogue.publishing_events import ACKNOWLEDGEMENTS_LOST
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.ipc.folder_problems import FolderProblem, problem_of
-from gateway.ipc.state_folder import write_whole
+from gateway.state.folder import FolderProblem, problem_of, write_whole
 from gateway.supervisor.aside import aside
 from gateway.supervisor.chronicle import Chronicle, Seen
 from gateway.supervisor.saying import Say

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Final
 
 from gateway.ipc.children import RELOADS
-from gateway.ipc.folder_problems import problem_of
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import Note
 from gateway.ipc.place import socket_path
 from gateway.ipc.service_manager import ServiceManager
-from gateway.ipc.state_folder import StateError, make_folder
-from gateway.ipc.state_lock import take_lock
-from gateway.ipc.state_version import refuse_newer, writer_of
+from gateway.state.folder import StateError, make_folder, problem_of
+from gateway.state.lock import take_lock
+from gateway.state.plan import refuse_newer, writer_of
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.sights import ignore_broken_leases
 from gateway.supervisor.supervisor import Supervisor

@@ -28,11 +28,11 @@ from gateway.catalogue.table_events import (
 from gateway.compensation.settings import AxisSettings
 from gateway.config.load import Loaded
 from gateway.ipc.client import ask
-from gateway.ipc.folder_problems import FolderProblem, identity_of, why_not_usable
 from gateway.ipc.messages import Happened
 from gateway.ipc.notes import Note, note_of
 from gateway.ipc.place import socket_path
-from gateway.ipc.plan import GatewayPlan
+from gateway.state.folder import FolderProblem, identity_of, why_not_usable
+from gateway.state.plan import GatewayPlan
 from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.aside import aside
 from gateway.supervisor.book import Book

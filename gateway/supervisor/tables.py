@@ -20,13 +20,13 @@ from gateway.exchange.commands import ClearTable, EndDryRun, SetGain, SetLimits,
 from gateway.exchange.limits import limits_of
 from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
-from gateway.ipc.compiled_plan import CompiledPlan, TablesFolder, last_plan, shape_of, write_tables
-from gateway.ipc.compiled_table import digest_of
 from gateway.ipc.messages import Done, GetStatus, Ping, Pong, Reply, Request, Status
 from gateway.ipc.place import SocketError, socket_path
-from gateway.ipc.plan import LinePlan
 from gateway.ipc.sealed_memory import seal
-from gateway.ipc.state_folder import StateError, state_folder
+from gateway.state.folder import StateError, state_folder
+from gateway.state.last_good import last_plan
+from gateway.state.plan import CompiledPlan, LinePlan, TablesFolder, shape_of, write_tables
+from gateway.state.tables import digest_of
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight
@@ -99,15 +99,15 @@ class Keeper:
         if self.loaded is None:
             return self.reload(still)
         taken, before = self.loaded, last_plan(self.loaded.state_folder)
-        compiled = self._as_compiled(before)
-        is_another = compiled is not None and compiled.document.text != taken.document.text
+        is_same = before is None or before.configuration == taken.document.text
+        another = None if is_same else self._as_compiled(before)
         try:
-            if compiled is not None and is_another:
-                outcome = self._take(compiled, still, before)
+            if another is not None:
+                outcome = self._take(another, still, before)
                 if self.loaded is not taken:
                     self._owed = None
                     return outcome
-            return self._take(taken, still, before, keeps_plan=is_another)
+            return self._take(taken, still, before, keeps_plan=another is not None)
         except ConfigErrors as errors:
             return _of_configuration(errors)
 
@@ -294,6 +294,8 @@ def _is_live(key: str, loaded: Loaded, before: CompiledPlan) -> bool:
 
 
 def _changed_keys(loaded: Loaded, before: CompiledPlan) -> list[str]:
+    if loaded.document.text == before.configuration:
+        return []
     now, then = keys_of(loaded.document.tables), keys_of(tomllib.loads(before.configuration))
     return [key for key in dict.fromkeys((*now, *then)) if now.get(key) != then.get(key)]
 

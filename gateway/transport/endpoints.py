@@ -1,10 +1,9 @@
 """Where a controller or a bus of drives is reached: plain data, checked by the configuration."""
 
-from dataclasses import dataclass
+import msgspec
 
 
-@dataclass(frozen=True, slots=True)
-class TcpEndpoint:
+class TcpEndpoint(msgspec.Struct, frozen=True, tag=True):
     """A TCP address. ``rtu`` is True for a serial device server that carries raw RTU frames."""
 
     host: str
@@ -16,8 +15,7 @@ class TcpEndpoint:
         return f"{host}:{self.port}"
 
 
-@dataclass(frozen=True, slots=True)
-class SerialEndpoint:
+class SerialEndpoint(msgspec.Struct, frozen=True, tag=True):
     """A serial port with its character format."""
 
     device: str

@@ -7,8 +7,8 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.library import shipped
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
-from gateway.ipc.plan import ControllerLink, LinePlan
 from gateway.modbus.registers import PositionField, RegisterType
+from gateway.state.plan import ControllerLink, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 TABLE = make_table([0.0, 100.0], [0.01, 0.02], [0.0, 0.0], Units.MM)

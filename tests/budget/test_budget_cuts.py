@@ -16,8 +16,8 @@ from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import ReadPath
 from gateway.exchange.leads import Shape, reply_shape, write_shape
 from gateway.exchange.plan import AxisPlan, CompensationMode
-from gateway.ipc.plan import LinePlan
 from gateway.modbus.registers import PositionField, RegisterType
+from gateway.state.plan import LinePlan
 from gateway.transport.endpoints import SerialEndpoint
 from tests.budget.budget_bench import TABLE, TCP, axis, controller, known_axis, line, serial
 

@@ -8,7 +8,7 @@ from gateway.budget.line import ControllerBudget, line_budget
 from gateway.budget.sequence import What
 from gateway.budget.verdict import Grade, judge
 from gateway.exchange.plan import AxisPlan, LineTiming, Role
-from gateway.ipc.plan import LinePlan
+from gateway.state.plan import LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from tests.budget.budget_bench import TABLE, TCP, axis, controller, line, serial
 

@@ -11,7 +11,7 @@ from gateway.budget.remedies import remedies
 from gateway.budget.sequence import Blocks, What, Why
 from gateway.compensation.settings import Setpoints
 from gateway.exchange.plan import AxisPlan, LineTiming, Role
-from gateway.ipc.plan import LinePlan
+from gateway.state.plan import LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from tests.budget.budget_bench import TABLE, TCP, axis, controller, known_axis, line, serial
 

@@ -7,7 +7,7 @@ import pytest
 from gateway.budget.sequence import AS_MAPPED, Blocks
 from gateway.budget.verdict import Grade, Judgement, judge, of_grade
 from gateway.exchange.plan import AxisPlan, LineTiming, Role
-from gateway.ipc.plan import LinePlan
+from gateway.state.plan import LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 from tests.budget.budget_bench import TCP, axis, controller, known_axis, line, serial
 

@@ -35,7 +35,7 @@ def refused() -> set[str]:
 @cache
 def not_started() -> set[str]:
     return raised(
-        trees("ipc", "transport", "relay", "supervisor", "config/compile.py"),
+        trees("ipc", "state", "transport", "relay", "supervisor", "config/compile.py"),
         frozenset({"StateError", "SocketError", "AbsentError", "RefusedError", "FolderProblem"}),
         0,
     ) | {

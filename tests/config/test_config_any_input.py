@@ -12,7 +12,7 @@ from gateway.config.axis_model import AxisSection
 from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSection
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
-from gateway.config.toml_lines import key_lines
+from gateway.config.toml_lines import KeyLines
 from gateway.drives.registers import PositionSpec, RegisterMap
 from tests.config.config_bench import GOOD, written
 
@@ -116,7 +116,7 @@ def test_a_good_file_with_damage_is_good_or_refused(tmp_path: Path, data: st.Dat
 @Quick
 @given(document=documents)
 def test_every_key_of_a_document_is_found_on_its_line(document: dict[str, Any]) -> None:
-    lines = key_lines(as_file(document))
+    lines = KeyLines(as_file(document))
     for number, (key, found) in enumerate(document.items(), start=1):
         assert lines.of((key,)) == number
         if isinstance(found, dict):

@@ -1,6 +1,5 @@
 """A good file gives exactly the numbers that it says, and the documented ones where it says nothing."""
 
-from ipaddress import ip_network
 from pathlib import Path
 
 import pytest
@@ -19,8 +18,8 @@ from gateway.compensation.settings import (
 from gateway.compensation.units import Units
 from gateway.drives.motion import Form
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
-from gateway.ipc.plan import ControllerLink, LinePlan, RelayOptions
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
+from gateway.state.plan import ControllerLink, LinePlan, RelayOptions
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from tests.config.config_bench import GOOD, ONE_WAY, edited, loaded
 
@@ -254,7 +253,7 @@ def test_who_may_connect(tmp_path: Path) -> None:
     line = only_line(
         tmp_path, edited(('role = "monitor"', 'allow = ["192.168.0.0/24", "10.0.0.7", "fd00::/8"]'))
     )
-    assert line.controllers[1].allow == tuple(map(ip_network, ["192.168.0.0/24", "10.0.0.7", "fd00::/8"]))
+    assert line.controllers[1].allow == ("192.168.0.0/24", "10.0.0.7/32", "fd00::/8")
 
 
 def test_a_line_without_axes_is_a_plain_gateway(tmp_path: Path) -> None:

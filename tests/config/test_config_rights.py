@@ -8,8 +8,7 @@ import pytest
 from gateway.config.problems import Problem
 from gateway.exchange.plan import ControllerPlan, Role
 from gateway.exchange.rights import UNLIMITED, RegisterSpan, Rights
-from gateway.ipc.compiled_plan import read_plan, write_plan
-from gateway.ipc.plan import ControllerLink
+from gateway.state.plan import ControllerLink, read_plan, write_plan
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.limits import ConnectionLimits
 from tests.config.config_bench import edited, line_of, loaded, only, refused

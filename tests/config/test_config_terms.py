@@ -9,8 +9,8 @@ from gateway.compensation.settings import ThermalSettings
 from gateway.config.compile import compile_into_state, sources_of
 from gateway.config.summary import summary_lines
 from gateway.exchange.plan import AxisPlan, CrossPlan
-from gateway.ipc.compiled_plan import read_plan
-from gateway.ipc.state_folder import StateError
+from gateway.state.folder import StateError
+from gateway.state.plan import read_plan
 from tests.config.config_bench import ONE_WAY, TWO_WAYS, edited, loaded, only, refused
 from tests.config.test_config_groups import GROUP, PATIENT, SECOND, TABLES
 

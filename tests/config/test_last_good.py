@@ -8,8 +8,8 @@ import pytest
 from gateway.config.compile import compile_into_state
 from gateway.config.last_good import Settled, Source, settle
 from gateway.config.load import load
-from gateway.ipc.compiled_plan import in_force, last_plan
-from gateway.ipc.plan import GatewayPlan
+from gateway.state.last_good import last_plan
+from gateway.state.plan import GatewayPlan, in_force
 from tests.config.config_bench import GOOD, ONE_WAY, TWO_WAYS, edited, written
 
 NAME = "cnc10x.tab"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.config.toml_lines import KeyPath, key_lines
+from gateway.config.toml_lines import KeyLines, KeyPath
 
 TEXT = '''\
 # a comment with [brackets] and key = 1
@@ -55,15 +55,15 @@ last = -1.5e3'''
     ],
 )
 def test_a_key_is_on_its_line(path: KeyPath, line: int) -> None:
-    assert key_lines(TEXT).of(path) == line
+    assert KeyLines(TEXT).of(path) == line
 
 
 def test_a_key_that_is_missing_is_looked_for_at_its_table() -> None:
-    assert key_lines(TEXT).of(("axis", "x y", "counts_per_unit")) == 15
-    assert key_lines(TEXT).of(("line", "xyz", "controllers", 1, "role")) == 7
-    assert key_lines(TEXT).of(("mqtt", "host")) is None
+    assert KeyLines(TEXT).of(("axis", "x y", "counts_per_unit")) == 15
+    assert KeyLines(TEXT).of(("line", "xyz", "controllers", 1, "role")) == 7
+    assert KeyLines(TEXT).of(("mqtt", "host")) is None
 
 
 @pytest.mark.parametrize("text", ["", "\n\n", "[", "a", "a = ", "a = [", '"', "[a", "= 1", "a = {", "]"])
 def test_what_is_no_toml_does_no_harm(text: str) -> None:
-    assert key_lines(text).of(("b",)) is None
+    assert KeyLines(text).of(("b",)) is None

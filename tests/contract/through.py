@@ -9,8 +9,8 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.drives.library import shipped
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.relay.gateway import Relay
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import ModbusMaster
 from gateway.transport.null_modem import NullModem

@@ -12,9 +12,9 @@ from gateway.cli.processes import command_of
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
 from gateway.ipc.notes import LogFormat
-from gateway.ipc.state_folder import PLAN_NAME
-from gateway.ipc.state_version import VERSION, sealed, unsealed
 from gateway.ipc.supervisor_client import ask_supervisor
+from gateway.state.folder import PLAN_NAME
+from gateway.state.plan import VERSION, sealed, unsealed
 from tests.child import started
 from tests.commands import typed
 from tests.processes.bench import (

@@ -13,9 +13,9 @@ from gateway.exchange.commands import (
     SetTemperature,
     TableFor,
 )
-from gateway.ipc.plan import GatewayPlan
 from gateway.recording import traffic
 from gateway.recording.readable import Reader
+from gateway.state.plan import GatewayPlan
 
 LIMITS: Final = SetLimits(axis="x", max_correction=0.5, max_slope=0.1, travel_margin=2.0, budget_us=150.0)
 ENTRIES: Final[dict[traffic.Input | traffic.Output, str]] = {

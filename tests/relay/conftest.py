@@ -21,9 +21,9 @@ from gateway.exchange.plan import (
     Role,
 )
 from gateway.ipc.notes import Note
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.relay.gateway import Relay
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.channel import Channel
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.loop import RelayLoop

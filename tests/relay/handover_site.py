@@ -12,13 +12,13 @@ from gateway.compensation.units import Units
 from gateway.exchange.commands import ClearTable, Disable, Enable, SetGain, SetLimits, SetTable, TableFor
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import ask
-from gateway.ipc.compiled_table import compiled
 from gateway.ipc.messages import Done
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.ipc.sealed_memory import seal
 from gateway.modbus.mbap import encode_mbap
 from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
+from gateway.state.plan import GatewayPlan, LinePlan
+from gateway.state.tables import compiled
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, RawEnd, Tools

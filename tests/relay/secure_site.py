@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway.exchange.plan import ControllerPlan, Role
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, TlsPlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.gateway import Relay
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, TlsPlan
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.tls_files import TlsFiles
 from tests.certificates import Shop, client_context

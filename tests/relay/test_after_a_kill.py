@@ -13,7 +13,6 @@ from gateway.exchange.queue import REQUEST_BYTES, WAITING_BYTES
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.messages import Ping
 from gateway.ipc.place import socket_path
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from gateway.recording import traffic
@@ -21,6 +20,7 @@ from gateway.recording.replay import Replay
 from gateway.recording.writer import Recorder
 from gateway.relay.errors import StartError
 from gateway.relay.gateway import Relay
+from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint
 
 if TYPE_CHECKING:

@@ -17,10 +17,10 @@ from gateway.exchange.axis.record_layout import (
 )
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import CompensationMode, LineTiming
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.axis_record import AxisRecord, record_path
 from gateway.relay.gateway import Relay
+from gateway.state.plan import GatewayPlan, LinePlan
 from tests.exchange.line_bench import ACTUAL, COMMAND, Link, Memory, axis_plan, read, write
 from tests.exchange.line_bench import Bench as LineBench
 

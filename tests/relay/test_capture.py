@@ -16,13 +16,13 @@ from gateway.exchange.commands import SetGain, SetReference
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from gateway.ipc.client import borrow
 from gateway.ipc.messages import GetTapes, Tapes
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField
 from gateway.recording import traffic
 from gateway.recording.capture import Capture, NoCaptureError, Timed
 from gateway.recording.replay import Replay, ReplayResult
 from gateway.relay.gateway import Relay
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 from tests.exchange.line_bench import Memory
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from gateway.exchange.plan import LineTiming
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.recording import traffic
 from gateway.recording.replay import Replay
 from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
+from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ import pytest
 from gateway.exchange.commands import Disable, Enable, SetReference
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Done, GetStatus, Ping, Pong, Status
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.errors import StartError
 from gateway.relay.gateway import Relay
+from gateway.state.plan import GatewayPlan, LinePlan
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools

@@ -9,6 +9,7 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import msgspec
 import pytest
 
 from gateway.clock import boot_ns
@@ -16,9 +17,9 @@ from gateway.compensation.settings import Setpoints
 from gateway.exchange.cut_through import Turn
 from gateway.exchange.leads import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, write_shape
 from gateway.exchange.line import LineExchange
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
 from gateway.relay.gateway import Relay
+from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.serial import SerialPort
 from gateway.transport.serial_channel import character_ns
@@ -150,7 +151,7 @@ async def wires_of(bench: "Bench", tools: "Tools", *, echo: bool = False, tape_b
     settings = replace(plain.settings, setpoints=Setpoints.STREAM, hysteresis=0.002)
     plan = LinePlan(
         "line",
-        replace(ends[0], echo=echo),
+        msgspec.structs.replace(ends[0], echo=echo),
         (link,),
         (replace(plain, settings=settings, actual=()),),
         replace(tools.timing, response_timeout_ms=20_000.0),

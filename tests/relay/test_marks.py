@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay import gateway as relay_module
 from gateway.relay.gateway import Relay
+from gateway.state.plan import GatewayPlan, LinePlan
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gateway.exchange.plan import Role
-from gateway.ipc.plan import RoleRights, TlsPlan
 from gateway.recording.replay import Replay, ReplayError
 from gateway.recording.traffic import FORMAT, Header, Request, decode
 from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
+from gateway.state.plan import RoleRights, TlsPlan
 from tests.relay.secure_site import WRITE, WRITTEN, Site, ask
 
 if TYPE_CHECKING:

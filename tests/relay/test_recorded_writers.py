@@ -9,12 +9,12 @@ import pytest
 
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.rights import Rights
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.recording import traffic
 from gateway.recording.replay import Replay
 from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 from tests.commands import typed
 

@@ -29,8 +29,6 @@ from gateway.exchange.commands import (
 )
 from gateway.exchange.control import ControlError
 from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, OtherUnits, Reference
-from gateway.ipc.compiled_table import compiled
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField
 from gateway.modbus.rtu import encode_rtu
@@ -39,6 +37,8 @@ from gateway.recording.replay import Replay, ReplayError, ReplayResult
 from gateway.recording.traffic import Answered, End, Entry, Header, Sent, Tick
 from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
+from gateway.state.tables import compiled
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ import asyncio, json, sys
 from pathlib import Path
 import gateway.relay.__main__, gateway.relay.run
 from gateway.ipc.notes import LogFormat, note_writer
-from gateway.ipc.plan import GatewayPlan
+from gateway.state.plan import GatewayPlan
 from gateway.relay.gateway import Relay
 
 async def live():

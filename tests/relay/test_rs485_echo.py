@@ -3,6 +3,8 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.transport.endpoints import SerialEndpoint
@@ -43,7 +45,7 @@ async def test_the_own_request_is_taken_out_and_is_no_acknowledgement(bench: "Be
     link, _ = bench.controller_link("tcp", timeout_ms=4000.0)
     # Time for an echo to come back on a machine that is busy, also after a broadcast, which has no reply.
     timing = replace(tools.timing, response_timeout_ms=2000.0, turnaround_ms=500.0)
-    relay = await bench.relay(replace(where, echo=True), (link,), timing=timing)
+    relay = await bench.relay(msgspec.structs.replace(where, echo=True), (link,), timing=timing)
     await tools.until_up(relay)
     controller = await bench.connect(relay.address("line", "cnc"))
     for number in range(3):
@@ -135,7 +137,7 @@ async def _echoing_controller(
     drive, where = await bench.drive("rtu", Echoing(has_echo=False))
     link, device = bench.controller_link("rtu", timeout_ms=4000.0)
     assert isinstance(link.endpoint, SerialEndpoint)
-    link = replace(link, endpoint=replace(link.endpoint, echo=echo))
+    link = replace(link, endpoint=msgspec.structs.replace(link.endpoint, echo=echo))
     relay = await bench.relay(where, (link,), timing=replace(tools.timing, response_timeout_ms=2000.0))
     await tools.until_up(relay)
     return drive, await bench.plug(device, lambda data: data), relay

@@ -23,7 +23,7 @@ NO_SUCH_CPU = 8191
 CHILD = """
 import json, os, re, resource, sys, threading
 from pathlib import Path
-from gateway.ipc.plan import RelayOptions
+from gateway.state.plan import RelayOptions
 from gateway.relay.scheduling import in_force, schedule
 
 asked = json.loads(sys.argv[1])

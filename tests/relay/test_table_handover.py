@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from gateway.compensation.settings import Setpoints
 from gateway.exchange.commands import ClearTable, Disable, Enable, SetGain, SetLimits
 from gateway.ipc.client import ask
-from gateway.ipc.compiled_table import compiled, digest_of
 from gateway.ipc.messages import Done, GetStatus, Status
 from gateway.recording import traffic
 from gateway.recording.replay import Replay
 from gateway.recording.writer import Recorder
+from gateway.state.tables import compiled, digest_of
 from tests.relay.handover_site import STEEPER, machine, table_of, without_actual
 
 if TYPE_CHECKING:

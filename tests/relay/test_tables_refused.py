@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gateway.compensation.units import Units
-from gateway.ipc.compiled_table import HEADER_BYTES, compiled
 from gateway.ipc.sealed_memory import seal
+from gateway.state.tables import HEADER_BYTES, compiled
 from tests.relay.handover_site import STEEPER, descriptors_open, machine, table_of, without_actual
 
 if TYPE_CHECKING:

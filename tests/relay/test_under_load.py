@@ -6,8 +6,8 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 from gateway.exchange.plan import LineTiming, Role
-from gateway.ipc.plan import ControllerLink
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
+from gateway.state.plan import ControllerLink
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, RawEnd, Tools

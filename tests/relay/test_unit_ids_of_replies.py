@@ -7,10 +7,10 @@ import pytest
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, OtherUnits
 from gateway.exchange.ports import ControllerPort
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.drive_link import MbapDriveLink, UnitIds
 from gateway.relay.gateway import Relay
+from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport import memory
 
 if TYPE_CHECKING:

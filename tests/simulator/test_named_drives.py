@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.units import Units
 from gateway.exchange.plan import AxisPlan, CompensationMode, LineTiming, Reference
-from gateway.ipc.plan import GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.simulator.bus import DriveBus
@@ -22,6 +21,7 @@ from gateway.simulator.endpoints import TcpDriveServer
 from gateway.simulator.errors import SimulatorError
 from gateway.simulator.ledger import MoveKind, MoveRecord
 from gateway.simulator.world import World, simulated_bus
+from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 from tests.simulator.drive_bench import ABSOLUTE, HOME, RELATIVE, SET_POSITION, STOP, Drive, motor
 

@@ -10,7 +10,6 @@ import pytest
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.units import Units
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference
-from gateway.ipc.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField, PositionField, RegisterType
 from gateway.modbus.rtu import encode_rtu
@@ -18,6 +17,7 @@ from gateway.simulator.errors import SimulatorError
 from gateway.simulator.ports import PortLinks
 from gateway.simulator.pty import FdChannel, open_serial
 from gateway.simulator.world import World, simulated_axis
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import ModbusMaster
 

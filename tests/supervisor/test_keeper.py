@@ -7,7 +7,8 @@ import pytest
 
 from gateway.config.compile import compile_into_state
 from gateway.config.load import Loaded, load, reread_tables
-from gateway.ipc.compiled_plan import last_plan, read_plan
+from gateway.state.last_good import last_plan
+from gateway.state.plan import read_plan
 from gateway.supervisor.book import Book
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight

@@ -4,10 +4,10 @@ import asyncio
 from pathlib import Path
 
 from gateway.config.load import load
-from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.messages import Ping, Pong, Status, decode_request, encode
 from gateway.ipc.notes import Note
 from gateway.ipc.place import socket_path
+from gateway.state.plan import shape_of
 from gateway.supervisor.supervisor import Supervisor
 from tests.processes.bench import CONFIG, TABLE
 

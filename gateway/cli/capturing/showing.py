@@ -18,13 +18,13 @@ from rich.text import Text
 from gateway.config.load import Loaded
 from gateway.config.recording_header import header_of
 from gateway.ipc.client import ask
-from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.messages import Ping, Pong
 from gateway.ipc.place import SocketError, socket_path
 from gateway.recording import traffic
 from gateway.recording.capture import Capture, Timed, write_recording
 from gateway.recording.pcapng import PcapNg
 from gateway.recording.readable import Reader
+from gateway.state.plan import shape_of
 from gateway.times import NS_PER_S, span
 
 EVERY_S: Final = 0.1

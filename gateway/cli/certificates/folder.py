@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives.serialization import (
 
 from gateway.cli.certificates.making import Signed, make_list
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.ipc.state_folder import write_whole
+from gateway.state.folder import write_whole
 
 AUTHORITY: Final = "ca"
 LIST_NAME: Final = "crl.pem"

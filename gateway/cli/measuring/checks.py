@@ -10,10 +10,10 @@ from gateway.compensation.backlash import with_backlash
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.units import Units
 from gateway.exchange.plan import ALARM_BIT, AxisPlan, Reference, Role
-from gateway.ipc.compiled_table import compiled, digest_of
 from gateway.ipc.messages import Pong, Reply
-from gateway.ipc.plan import ControllerLink, LinePlan
 from gateway.metrology.cycle import Stop
+from gateway.state.plan import ControllerLink, LinePlan
+from gateway.state.tables import compiled, digest_of
 
 OFF: Final = "off"
 IN_FORCE: Final = frozenset({"active", "blending", "outside"})

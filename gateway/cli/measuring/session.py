@@ -25,9 +25,9 @@ from gateway.cli.measuring.recipe import Recipe
 from gateway.cli.measuring.running import Manners, Run
 from gateway.cli.measuring.showing import Showing
 from gateway.exchange.plan import AxisPlan
-from gateway.ipc.plan import ControllerLink, LinePlan
 from gateway.metrology.cycle import Stop
 from gateway.metrology.readings import Reading
+from gateway.state.plan import ControllerLink, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.errors import TransportError
 from gateway.transport.master import ModbusMaster

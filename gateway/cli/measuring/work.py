@@ -34,13 +34,12 @@ from gateway.cli.measuring.setting import Grid, Reader, Scale, instrument_of, ma
 from gateway.cli.measuring.showing import AsBar, AsJson, AsLines, Showing
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.config.axis_model import AxisSection
-from gateway.ipc.compiled_plan import shape_of
 from gateway.ipc.messages import GetStatus, Ping, Status
-from gateway.ipc.plan import GatewayPlan
 from gateway.metrology.cycle import bidirectional_cycle, remaining
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period, lead_warnings, periods_of
 from gateway.metrology.readings import Reading
+from gateway.state.plan import GatewayPlan, shape_of
 
 STOPPED_BY_SIGNAL: Final = 128
 """Added to the number of a signal, this is the exit code of a command that it stopped, as in a shell."""

@@ -9,9 +9,9 @@ from typing import Final, Protocol
 from gateway.exchange.added_frames import LATER, AddedFrame, Purpose, read_bit, read_field
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.plan import AxisPlan
-from gateway.ipc.plan import LinePlan
 from gateway.modbus.pdu import ExceptionCode, is_exception
 from gateway.modbus.registers import BitField, FieldAccess, PositionField
+from gateway.state.plan import LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import NoReplyError, OtherIdError
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from gateway.cli.probing.readings import Place, frame_of, places_of
 from gateway.exchange.axis.transitions import Axis
-from gateway.ipc.plan import LinePlan
+from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.master import ModbusMaster, NoReplyError

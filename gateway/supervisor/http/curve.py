@@ -10,8 +10,8 @@ from gateway.compensation.errors import SettingsError, TableError
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import CorrectionTable
 from gateway.files import FileRefusedError
-from gateway.ipc.compiled_table import WrongTableError, checked
-from gateway.ipc.state_folder import read_state, table_path
+from gateway.state.folder import read_state
+from gateway.state.tables import WrongTableError, checked, table_path
 
 FEWEST: Final = 10
 MOST: Final = 10_000

@@ -13,10 +13,10 @@ from starlette.responses import Response
 
 from gateway.ipc.client import NoGatewayError
 from gateway.ipc.place import SocketError, socket_path
-from gateway.ipc.plan import GatewayPlan
 from gateway.recording import traffic
 from gateway.recording.capture import Capture, NoCaptureError
 from gateway.recording.readable import Reader
+from gateway.state.plan import GatewayPlan
 from gateway.supervisor.aside import aside
 from gateway.supervisor.http.answers import json_answer, not_there, problem, shortened
 from gateway.supervisor.http.window import Window

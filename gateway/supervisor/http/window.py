@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gateway.compensation.settings import AxisSettings
-from gateway.ipc.plan import GatewayPlan
+from gateway.state.plan import GatewayPlan
 from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.outcome import Outcome

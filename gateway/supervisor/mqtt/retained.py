@@ -12,7 +12,7 @@ from typing import Final
 import msgspec
 
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.ipc.state_folder import write_whole
+from gateway.state.folder import write_whole
 
 RETAINED_NAME: Final = "mqtt-retained.json"
 LARGEST: Final = 1_000_000

@@ -13,9 +13,9 @@ from gateway.catalogue.entry import EventEntry, Severity
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import CorrectionTable
 from gateway.config.http_model import HttpSection
-from gateway.ipc.compiled_table import compiled, digest_of
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
-from gateway.ipc.state_folder import table_path, write_whole
+from gateway.state.folder import write_whole
+from gateway.state.tables import compiled, digest_of, table_path
 from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.handshakes import HandshakeLimits

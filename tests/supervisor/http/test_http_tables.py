@@ -10,7 +10,7 @@ import pytest
 from gateway.compensation.settings import AxisSettings, Backlash, BacklashKind
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.ipc.state_folder import table_path
+from gateway.state.tables import table_path
 from gateway.supervisor.http.curve import thinned
 from gateway.supervisor.http.drawing import ticks
 from tests.supervisor.http.http_bench import Answer, keep_table, model, serving, snapshot

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.ipc.folder_problems import problem_of, why_open_to_others
+from gateway.state.folder import problem_of, why_open_to_others
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
-"""The compiled plan and its tables: everything survives, and nothing old or damaged is ever run."""
+"""The compiled plan: everything survives, and nothing old or damaged is ever run."""
 
 import os
-import struct
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
@@ -9,27 +8,35 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import gateway
 from gateway.compensation.backlash import with_backlash
-from gateway.compensation.table import CorrectionTable, make_table
-from gateway.compensation.units import Units
 from gateway.config.compile import compile_into_state
 from gateway.config.load import Loaded, load
 from gateway.drives import library
 from gateway.drives.profile import Transport
-from gateway.ipc.compiled_plan import OTHERS_KEPT, find_table, in_force, last_plan, read_plan, shape_of
-from gateway.ipc.compiled_table import HEADER_BYTES, WrongTableError, checked, compiled, digest_of, mapped
-from gateway.ipc.state_folder import PLAN_NAME, StateError, state_folder, table_path
-from gateway.ipc.state_version import (
+from gateway.exchange.plan import OtherUnits
+from gateway.relay.gateway import Relay
+from gateway.state.folder import PLAN_NAME, StateError, state_folder
+from gateway.state.last_good import last_plan
+from gateway.state.plan import (
     DamagedError,
+    in_force,
     newer_release,
+    read_plan,
     refuse_newer,
     sealed,
+    shape_of,
     unsealed,
     writer_of,
+)
+from gateway.state.tables import (
+    OTHERS_KEPT,
+    WrongTableError,
+    checked,
+    digest_of,
+    find_table,
+    table_path,
 )
 
 ROOT = Path(__file__).parents[2]
@@ -220,15 +227,13 @@ def test_a_table_is_known_to_be_damaged_wherever_a_byte_is_wrong_and_made_anew(c
     assert path.read_bytes() == good
 
 
-def test_a_plan_with_what_this_release_does_not_know_is_refused(config: Path) -> None:
+def test_a_plan_that_holds_something_else_is_refused(config: Path) -> None:
     compile_into_state(load(config))
     path = state_folder(config) / PLAN_NAME
     file = msgspec.msgpack.decode(unsealed(path.read_bytes()))
-    plan = msgspec.msgpack.decode(file["plan"])
-    plan["of"]["lines"][0]["of"]["colour"] = "red"
-    file["plan"] = msgspec.msgpack.encode(plan)
+    file["plan"]["lines"][0]["drives"]["type"] = "PigeonEndpoint"
     path.write_bytes(sealed(msgspec.msgpack.encode(file)))
-    with pytest.raises(StateError, match=r"is not understood: .*colour"):
+    with pytest.raises(StateError, match=r"is not understood: .*PigeonEndpoint"):
         read_plan(state_folder(config), config)
 
 
@@ -267,63 +272,6 @@ def test_a_file_where_the_state_folder_should_be_is_said(config: Path) -> None:
         compile_into_state(loaded)
 
 
-# --- one table ---------------------------------------------------------------------------------------------
-
-
-def table_of_3() -> CorrectionTable:
-    return make_table([0.0, 1.0, 3.0], [0.0, 0.01, 0.02], [0.0, -0.01, 0.03], Units.MM)
-
-
-def test_a_compiled_table_is_24_bytes_a_point_behind_its_header() -> None:
-    table = table_of_3()
-    data = compiled(table)
-    assert len(data) == HEADER_BYTES + 3 * 24
-    points = struct.unpack("=9d", data[HEADER_BYTES:])
-    assert points == (0.0, 1.0, 3.0, 0.0, 0.01, 0.02, 0.0, -0.01, 0.03)
-    found = mapped(memoryview(data))
-    assert found == table
-    assert found.facts == table.facts
-    assert found.digest == digest_of(data)
-    assert isinstance(found.positions, memoryview)
-    assert compiled(found) == data
-
-
-def test_a_table_of_one_direction_has_one_branch_in_memory() -> None:
-    found = checked(compiled(make_table([0.0, 1.0], [0.0, 0.01], [0.0, 0.01], Units.INCH)))
-    assert found.forward is found.backward
-    assert found.units is Units.INCH
-    assert found.even_step == 1.0
-
-
-@given(st.integers(0, HEADER_BYTES + 72), st.integers(1, 255))
-def test_a_table_with_a_wrong_byte_is_refused(place: int, change: int) -> None:
-    data = bytearray(compiled(table_of_3()))
-    if place == len(data):
-        data += b"x"
-    else:
-        data[place] ^= change
-    with pytest.raises(WrongTableError):
-        checked(bytes(data))
-
-
-@given(st.binary(max_size=400))
-def test_any_bytes_are_a_table_or_refused(data: bytes) -> None:
-    with pytest.raises(WrongTableError):
-        mapped(memoryview(data))
-
-
-def test_what_is_wrong_with_a_table_is_said() -> None:
-    data = compiled(table_of_3())
-    for bad, said in (
-        (data[:10], "10 bytes are no compiled table"),
-        (b"x" * 200, "it begins with b'xxxxxxxx'"),
-        (data[:-8], f"{len(data) - 8} bytes for 3 points, which take {len(data)}"),
-        (data[:8] + struct.pack("=I", 2) + data[12:], "of version 2; this release has version 1"),
-    ):
-        with pytest.raises(WrongTableError, match=said):
-            mapped(memoryview(bad))
-
-
 def test_the_shape_of_a_plan_does_not_hang_on_its_tables(config: Path) -> None:
     plan = load(config).plan
     (line,) = plan.lines
@@ -332,3 +280,25 @@ def test_the_shape_of_a_plan_does_not_hang_on_its_tables(config: Path) -> None:
     assert shape_of(replace(plan, lines=(replace(line, axes=(bare,)),))) == shape_of(plan)
     moved = replace(axis, unit_id=2)
     assert shape_of(replace(plan, lines=(replace(line, axes=(moved,)),))) != shape_of(plan)
+
+
+def test_the_shape_does_not_hang_on_the_order_of_a_set(config: Path) -> None:
+    plan = load(config).plan
+    (line,) = plan.lines
+    shapes = set()
+    for unit_ids in ([8, 16], [16, 8]):  # of one place in a hash table of 8: the first one comes first
+        others = OtherUnits(frozenset(unit_ids))
+        assert list(others.unit_ids) == unit_ids
+        shapes.add(shape_of(replace(plan, lines=(replace(line, other_units=others),))))
+    assert len(shapes) == 1
+
+
+def test_a_relay_names_the_shape_that_was_compiled(config: Path) -> None:
+    loaded = load(config)
+    (line,) = loaded.plan.lines
+    # A whole number where a float belongs is a float when it is read back, and has another digest.
+    plan = replace(loaded.plan, lines=(replace(line, timing=replace(line.timing, retry_ms=2500)),))
+    compile_into_state(loaded, plan)
+    found = read_plan(loaded.state_folder, config)
+    assert found.plan == in_force(plan)
+    assert Relay(found.plan, shape=found.shape).shape == shape_of(plan) != shape_of(found.plan)

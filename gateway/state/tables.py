@@ -1,19 +1,30 @@
-"""A table as the relay maps it: a header, then positions, forward and backward corrections as raw doubles.
+"""Tables as the relay maps them: a header, then positions, forward and backward corrections as raw doubles.
+
+In the state folder each is a file of its own, by its digest.
 
 Everything that would have to be found by walking over the points stands in the header, so taking such a table
 costs a loop the same for ten points and for a hundred thousand. Numbers are in this machine's own byte order:
 the file never leaves the machine that made it.
 """
 
+import contextlib
 import hashlib
 import struct
+from collections.abc import Collection
+from pathlib import Path
 from typing import Any, Final
 
 from gateway.compensation.table import CorrectionTable, Range, TableFacts
 from gateway.compensation.units import Units
+from gateway.files import FileRefusedError
+from gateway.state.folder import StateError, read_state, write_if_new
 
 MAGIC: Final = b"PGtable\n"
 VERSION: Final = 1
+FOLDER_NAME: Final = "tables"
+SUFFIX: Final = ".doubles"
+OTHERS_KEPT: Final = 4
+"""Tables of no axis that stay in the state folder all the same."""
 POINT_BYTES: Final = 24
 MAX_POINTS: Final = 4_000_000
 """More than any file of 16 MiB can hold."""
@@ -125,3 +136,57 @@ def check_points(data: memoryview) -> None:
     """
     if hashlib.sha256(data[HEADER_BYTES:]).digest() != data[_FIELDS.size - _DIGEST_BYTES : _FIELDS.size]:
         raise WrongTableError("the points of the compiled table are damaged: their digest is another")
+
+
+def table_path(state: Path, digest: str) -> Path:
+    """Return where a compiled table is kept."""
+    return state / FOLDER_NAME / f"{digest}{SUFFIX}"
+
+
+def write_table(state: Path, data: bytes) -> None:
+    """Write a compiled table where it is not there already; OSError where it cannot be."""
+    write_if_new(table_path(state, digest_of(data)), data)
+
+
+def read_table(state: Path, digest: str, remedy: str) -> CorrectionTable:
+    """Read a table into memory: a mapped file that somebody cuts short would kill whoever reads on.
+
+    Raises:
+        StateError: its file is not there, is damaged or holds another one; with ``remedy``.
+    """
+    path = table_path(state, digest)
+    try:
+        table = checked(read_state(path))
+    except FileRefusedError as error:
+        raise StateError(f"{path}: {error.found}; {remedy}") from None
+    except WrongTableError as error:
+        raise StateError(f"{path}: {error}; {remedy}") from None
+    if table.digest != digest:
+        raise StateError(f"{path} holds another table than its name says; {remedy}")
+    return table
+
+
+def find_table(state: Path, fingerprint: bytes) -> CorrectionTable | None:
+    """Return a compiled table by what ``compensation.fingerprint`` calls it; None where it is not there.
+
+    One that is in force no more may still be wanted: by an axis that was killed in the middle of going over
+    to the next.
+    """
+    for path in (state / FOLDER_NAME).glob(f"*{SUFFIX}"):
+        digest = path.name.removesuffix(SUFFIX)
+        with contextlib.suppress(ValueError, StateError):
+            if bytes.fromhex(digest)[: len(fingerprint)] == fingerprint:
+                return read_table(state, digest, "")
+    return None
+
+
+def remove_others(state: Path, digests: Collection[str]) -> None:
+    """Remove tables that belong to no axis any more, but for the newest few (see :func:`find_table`)."""
+    others: list[tuple[float, Path]] = []
+    for path in (state / FOLDER_NAME).glob(f"*{SUFFIX}"):
+        if path.name.removesuffix(SUFFIX) not in digests:
+            with contextlib.suppress(OSError):
+                others.append((path.stat().st_mtime, path))
+    for _, path in sorted(others)[:-OTHERS_KEPT]:
+        with contextlib.suppress(OSError):
+            path.unlink()

@@ -6,6 +6,7 @@ when it was stopped. Its table adds 0.05 mm there on the way up, so that its dri
 
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,21 +21,23 @@ from gateway.config.problems import ConfigErrors
 from gateway.exchange.axis import record_layout
 from gateway.exchange.axis.record_layout import RecordSlots, why_not_readable
 from gateway.exchange.rights import UNLIMITED
-from gateway.ipc import compiled_table
-from gateway.ipc.compiled_plan import last_plan, read_plan
-from gateway.ipc.state_folder import PLAN_NAME, StateError
-from gateway.ipc.state_version import (
+from gateway.relay.axis_record import record_path
+from gateway.state import tables as compiled_table
+from gateway.state.folder import PLAN_NAME, StateError
+from gateway.state.last_good import last_plan
+from gateway.state.plan import (
     VERSION,
+    in_force,
     newer_release,
+    read_plan,
     refuse_newer,
     sealed,
     unsealed,
-    upgraded,
     writer_of,
 )
-from gateway.relay.axis_record import record_path
 
 OLD = Path(__file__).parents[1] / "data" / "state_of_version_2"
+OF_1_0_0 = Path(__file__).parents[1] / "data" / "state_of_1.0.0"
 
 
 @pytest.fixture
@@ -61,7 +64,7 @@ def files_in(folder: Path) -> dict[str, bytes]:
 
 def test_the_version_of_the_state_is_raised_with_each_layout_in_it() -> None:
     # Whoever changes the layout of a table or a record raises VERSION too, and says here with what.
-    assert (VERSION, compiled_table.VERSION, record_layout.VERSION) == (6, 1, 3)
+    assert (VERSION, compiled_table.VERSION, record_layout.VERSION) == (7, 1, 3)
 
 
 def test_a_plan_of_the_version_before_is_not_run_but_named(config: Path) -> None:
@@ -181,6 +184,22 @@ def test_what_is_no_state_was_written_by_nobody(tmp_path: Path) -> None:
     assert newer_release(tmp_path) == ""
 
 
-def test_a_version_that_nothing_leads_from_is_refused() -> None:
-    with pytest.raises(StateError, match="state version 1 is too old"):
-        upgraded(1, {})
+@pytest.mark.parametrize("version", [0, 1, VERSION + 1])
+def test_from_a_version_that_is_not_known_nothing_is_taken_over(config: Path, version: int) -> None:
+    mark(config.parent / "state", version=version)
+    assert last_plan(config.parent / "state") is None
+
+
+def test_the_plan_of_1_0_0_is_what_this_release_makes_of_its_configuration(tmp_path: Path) -> None:
+    shutil.copytree(OF_1_0_0, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "written").rename(tmp_path / "state")
+    config = tmp_path / "gateway.toml"
+    found = last_plan(tmp_path / "state")
+    assert found is not None
+    # Newer than 1.0.0: a line keeps 4 MB of its last minutes.
+    lines = tuple(replace(line, tape_bytes=4_000_000) for line in found.plan.lines)
+    assert replace(found.plan, lines=lines) == in_force(load(config).plan)
+    assert found.configuration == config.read_text()
+    assert [Path(source).name for source in found.sources] == ["gateway.toml"]
+    assert found.tables_folder is not None
+    assert Path(found.tables_folder.path).name == "tables"

@@ -1,0 +1,41 @@
+"""Locks in the state folder: one process of a kind for each folder, and one writer at a time."""
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from gateway.state.folder import make_folder
+from gateway.state.tables import FOLDER_NAME
+
+
+def take_lock(path: Path) -> int:
+    """Take a lock, which the system lets go of whatever way the process ends; returns its descriptor.
+
+    The file stays when the lock is let go of: whoever removed it could take away that of the next one.
+
+    Raises:
+        BlockingIOError: somebody has it.
+        OSError: the file cannot be made.
+    """
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+@contextlib.contextmanager
+def alone_in(state: Path) -> Iterator[None]:
+    """Wait until nobody else writes here: two at once would remove each other's tables."""
+    make_folder(state)
+    make_folder(state / FOLDER_NAME)
+    descriptor = os.open(state / FOLDER_NAME, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
