@@ -235,16 +235,17 @@ class Client:
         self._number = 0
 
     def ask(self, unit_id: int, pdu: str) -> bytes:
-        """Send a request, written in hex; returns the PDU of its reply."""
+        """Send a request, written in hex; returns the PDU of its reply, none where the connection was closed."""
         for _ in range(TRIES):  # a drive that is late on a busy machine: what waited for it is not sent
             self._number = self._number % 60_000 + 1
             request, number = bytes.fromhex(pdu), self._number.to_bytes(2, "big")
             head = number + bytes(2) + (len(request) + 1).to_bytes(2, "big") + bytes((unit_id,))
             self._connection.sendall(head + request)
             with contextlib.suppress(TimeoutError):
-                while (reply := self._connection.recv(300))[:2] != number:
-                    pass
-                return reply[7:]
+                while reply := self._connection.recv(300):
+                    if reply[:2] == number:
+                        return reply[7:]
+                return b""
         raise TimeoutError(f"no reply to {pdu} of unit id {unit_id}")
 
     def read(self, unit_id: int) -> bytes:
