@@ -235,7 +235,7 @@ class Client:
         self._number = 0
 
     def ask(self, unit_id: int, pdu: str) -> bytes:
-        """Send a request, written in hex; returns the PDU of its reply, none where the connection was closed."""
+        """Send a request, written in hex; returns the PDU of its reply, b"" at the end of the connection."""
         for _ in range(TRIES):  # a drive that is late on a busy machine: what waited for it is not sent
             self._number = self._number % 60_000 + 1
             request, number = bytes.fromhex(pdu), self._number.to_bytes(2, "big")
