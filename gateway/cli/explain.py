@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 def _complete(incomplete: str) -> list[str]:
     from gateway.catalogue.lookup import names
-    from gateway.config.reference.find import all_keys
+    from gateway.config.reference import all_keys
 
     return [name for name in (*names(), *all_keys()) if name.startswith(incomplete)]
 
@@ -19,7 +19,7 @@ def _complete(incomplete: str) -> list[str]:
 def _keys(asked: str) -> "list[Explanation]":
     """Return the keys of the configuration that are called so."""
     from gateway.catalogue.lookup import Explanation, plain
-    from gateway.config.reference.find import find_keys
+    from gateway.config.reference import find_keys
 
     found = []
     for table, row in find_keys(asked):

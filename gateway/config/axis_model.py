@@ -24,7 +24,7 @@ from gateway.config.values import (
     UnitId,
 )
 from gateway.drives.registers import RegisterMap
-from gateway.drives.strict import ByName, ListOf, StrictModel
+from gateway.drives.strict import ByName, ListOf, StrictModel, documented
 from gateway.exchange.plan import (
     DEFAULT_BUDGET_US,
     DEFAULT_UNSEEN_MS,
@@ -94,111 +94,467 @@ class TableOptions(StrictModel):
     """What a table file cannot prove about itself."""
 
     file_counts_per_unit: CountsPerUnit | None = Field(
-        default=None, description="encoder counts per unit of the control that the file was made for"
+        default=None,
+        description="encoder counts per unit of the control that the file was made for",
+        json_schema_extra=documented(
+            meaning=(
+                "version 1: encoder counts per unit of the control that the file was made "
+                "for, negative for its Dir Rev"
+            )
+        ),
     )
-    v1_layout: ByName[V1Layout] | None = Field(default=None, description="what the first value belongs to")
-    file_start: Length | None = Field(default=None, description="machine position of the first point")
+    v1_layout: ByName[V1Layout] | None = Field(
+        default=None,
+        description="what the first value belongs to",
+        json_schema_extra=documented(
+            meaning=("version 1: whether the first value belongs to home or to one interval from it")
+        ),
+    )
+    file_start: Length | None = Field(
+        default=None,
+        description="machine position of the first point",
+        json_schema_extra=documented(
+            meaning=(
+                "version 2: machine position of the first point. Mint: machine position "
+                "of mark A, needed where `PRECISIONOFFSET` is missing or not 0"
+            )
+        ),
+    )
     increment: PositiveLength | None = Field(
-        default=None, description="distance of the points of a Mint program that does not set it"
+        default=None,
+        description="distance of the points of a Mint program that does not set it",
+        json_schema_extra=documented(
+            meaning=("Mint: distance of the points, where the program does not set `PRECISIONINCREMENT`")
+        ),
     )
-    file_home: ByName[HomeSide] | None = Field(default=None, description="the end at which it homes")
-    format: str | None = Field(default=None, description="name of the format, where the text fits several")
-    file_units: ByName[Units] | None = Field(default=None, description="units of a file that states none")
-    file_axis: str | None = Field(default=None, description="name of the axis in a file of several")
-    fagor_sense: ByName[ErrorSense] | None = Field(default=None, description="how the error was meant")
-    isg_sense: ByName[ErrorSense] | None = Field(default=None, description="how the error was meant")
-    error_sense: ByName[ErrorSense] | None = Field(default=None, description="how the error was meant")
+    file_home: ByName[HomeSide] | None = Field(
+        default=None,
+        description="the end at which it homes",
+        json_schema_extra=documented(meaning="the end at which the axis of the file homes"),
+    )
+    format: str | None = Field(
+        default=None,
+        description="name of the format, where the text fits several",
+        json_schema_extra=documented(
+            meaning=("name of the format where the text fits several, such as LinuxCNC's two types")
+        ),
+    )
+    file_units: ByName[Units] | None = Field(
+        default=None,
+        description="units of a file that states none",
+        json_schema_extra=documented(
+            meaning=(
+                "units of a file that states none; every length in this table stays in units of the axis"
+            )
+        ),
+    )
+    file_axis: str | None = Field(
+        default=None,
+        description="name of the axis in a file of several",
+        json_schema_extra=documented(meaning="what a file that holds several axes calls this one"),
+    )
+    fagor_sense: ByName[ErrorSense] | None = Field(
+        default=None,
+        description="how the error was meant",
+        json_schema_extra=documented(
+            meaning=(
+                "Fagor tables: whether an error is where the nut was less where it should be, or the reverse"
+            )
+        ),
+    )
+    isg_sense: ByName[ErrorSense] | None = Field(
+        default=None,
+        description="how the error was meant",
+        json_schema_extra=documented(
+            meaning=("ISG and TwinCAT CNC tables: the same; where it is not told, actual less command")
+        ),
+    )
+    error_sense: ByName[ErrorSense] | None = Field(
+        default=None,
+        description="how the error was meant",
+        json_schema_extra=documented(
+            meaning=("the same for every format whose errors have no fixed sign, such as Heidenhain's")
+        ),
+    )
 
 
 class AxisSection(StrictModel):
     """One axis."""
 
-    line: str = Field(description="name of the [line.NAME] that its drive is on")
-    unit_id: UnitId = Field(description="Modbus unit id of its drive")
-    drive: str | None = Field(default=None, description="a drive profile")
-    registers: RegisterMap | None = Field(default=None, description="the registers of its drive")
-    units: ByName[Units] = Field(description="unit of every length of this axis")
+    line: str = Field(
+        description="name of the [line.NAME] that its drive is on", json_schema_extra=documented(kind="name")
+    )
+    unit_id: UnitId = Field(
+        description="Modbus unit id of its drive",
+        json_schema_extra=documented(
+            meaning=(
+                "Modbus unit id of its drive; 0 only on Modbus TCP (on a serial line it "
+                "is the broadcast). Several axes may share one if their registers do not"
+            )
+        ),
+    )
+    drive: str | None = Field(
+        default=None,
+        description="a drive profile",
+        json_schema_extra=documented(
+            meaning=(
+                'a profile that comes with the gateway (`"oriental-az"`; `pitch-gateway '
+                'drives` lists them), or a file of your own (`"./my-drive.toml"`, '
+                "relative to this file); see [drives.md](drives.md). Warned of: a line of "
+                "a kind that the drive does not have"
+            ),
+            kind="name or path",
+        ),
+    )
+    registers: RegisterMap | None = Field(
+        default=None,
+        description="the registers of its drive",
+        json_schema_extra=documented(
+            more="See below; refused beside `drive`", default="required without `drive`"
+        ),
+    )
+    units: ByName[Units] = Field(
+        description="unit of every length of this axis",
+        json_schema_extra=documented(
+            meaning=(
+                "unit of every length of this axis. A table in the other unit of length "
+                "is converted; angles and lengths never are"
+            )
+        ),
+    )
     counts_per_unit: CountsPerUnit = Field(
-        description="counts of the drive in one unit, negative where it counts down"
+        description="counts of the drive in one unit, negative where it counts down",
+        json_schema_extra=documented(
+            meaning=(
+                "counts of the drive in one unit, negative where the drive counts down "
+                "while the axis goes forward"
+            )
+        ),
     )
     zero_counts: Counts = Field(default=0.0, description="count of the drive at machine position 0")
     machine_offset: Length = Field(default=0.0, description="machine position of the controller's zero")
-    travel: Travel | None = Field(default=None, description="[lowest, highest] machine position")
-    lead: PositiveLength | None = Field(default=None, description="travel of one turn of its screw, in units")
-    table: str | None = Field(default=None, description="name of its table file")
+    travel: Travel | None = Field(
+        default=None,
+        description="[lowest, highest] machine position",
+        json_schema_extra=documented(
+            meaning=(
+                "machine positions between which the axis moves. Its ends must fit the command registers"
+            ),
+            default="none, warned of",
+        ),
+    )
+    lead: PositiveLength | None = Field(
+        default=None,
+        description="travel of one turn of its screw, in units",
+        json_schema_extra=documented(
+            meaning=(
+                "travel of one turn of its screw. `measure` takes random targets over it, "
+                "warns of targets that meet the screw always at one angle, and looks for "
+                "an error that repeats once and twice a turn"
+            ),
+            default="none: not looked for",
+        ),
+    )
+    table: str | None = Field(
+        default=None,
+        description="name of its table file",
+        json_schema_extra=documented(
+            meaning=(
+                "table file in the tables folder, in any case of letters, without a path. "
+                "A file that was renamed to `.bak`, or taken away while the gateway runs, "
+                "is switched off: the axis is not corrected. Without touching the file: "
+                "`compensation`"
+            ),
+            kind="file name",
+            default="none: 1:1",
+        ),
+    )
     table_options: TableOptions = Field(
-        default=TableOptions(), description="what the file cannot prove about itself"
+        default=TableOptions(),
+        description="what the file cannot prove about itself",
+        json_schema_extra=documented(more="See below"),
     )
     compensation: ByName[CompensationMode] = Field(
-        default=CompensationMode.ON, description="on, shadow or off"
+        default=CompensationMode.ON,
+        description="on, shadow or off",
+        json_schema_extra=documented(
+            meaning=(
+                "`on` corrects. `shadow` computes and shows corrections and passes "
+                "positions unchanged: begin with it. `off` does neither. Write the key: "
+                "where an axis with a table leaves it out, the axis is corrected, and "
+                "`check` and each start warn"
+            )
+        ),
     )
     gain: GainValue = Field(default=Gain(), description="share of the table that is applied, 0 to 1")
-    referenced: ByName[Reference] = Field(description="how it is known that the axis knows where it is")
+    referenced: ByName[Reference] = Field(
+        description="how it is known that the axis knows where it is",
+        json_schema_extra=documented(more="See below"),
+    )
     home_approach: ByName[HomeApproach] = Field(
-        default=HomeApproach.NONE, description="direction of the last movement of homing"
+        default=HomeApproach.NONE,
+        description="direction of the last movement of homing",
+        json_schema_extra=documented(
+            meaning=(
+                "direction of the last movement of homing: the branch in force after it. "
+                "`none`: half way between the branches until the first move"
+            )
+        ),
     )
     setpoints: ByName[Setpoints] = Field(
-        default=Setpoints.TARGETS, description="targets or a stream of setpoints"
+        default=Setpoints.TARGETS,
+        description="targets or a stream of setpoints",
+        json_schema_extra=documented(
+            meaning=("`targets`: the drive profiles each move; `stream`: a setpoint in every cycle")
+        ),
     )
-    max_speed: LengthOrZero = Field(default=0.0, description="highest speed in units/s; 0: not known")
+    max_speed: LengthOrZero = Field(
+        default=0.0,
+        description="highest speed in units/s; 0: not known",
+        json_schema_extra=documented(kind="units/s ≥ 0"),
+    )
     hysteresis: LengthOrZero | None = Field(
-        default=None, description="smallest reversal of a stream; jitter of measured positions"
+        default=None,
+        description="smallest reversal of a stream; jitter of measured positions",
+        json_schema_extra=documented(
+            meaning=(
+                "`stream`: smallest motion that is a reversal; the setpoint has to come "
+                "back by as much before the branch changes. `targets`: every target that "
+                "differs from the last one is a motion in its direction, however short it "
+                "is; `hysteresis` is only how far a measured position may lie beside "
+                "another and still be the same place. Refused when as long as travel or "
+                "table"
+            ),
+            default=("2 counts, or 2 steps of registers that tell less than a count, at least 0.001 mm"),
+        ),
     )
     in_position: LengthOrZero | None = Field(
-        default=None, description="distance from its target within which an axis has arrived"
+        default=None,
+        description="distance from its target within which an axis has arrived",
+        json_schema_extra=documented(
+            meaning=(
+                "an axis whose actual position lies within this of its last target has "
+                "arrived there, once its done bit says so; one that nobody has seen for "
+                "`unseen_ms` and that is found within it stands where it was sent. Never "
+                "less than `hysteresis`"
+            ),
+            default="`0.02` mm",
+        ),
     )
     repeat_within: CountsOrZero = Field(
-        default=0.0, description="counts by which a target may differ from the last one and keep its branch"
+        default=0.0,
+        description="counts by which a target may differ from the last one and keep its branch",
+        json_schema_extra=documented(
+            meaning=(
+                "`targets`: counts by which a target may differ from the last one and "
+                "still be taken for the same with the noise of whoever resends it: it "
+                "keeps its branch. An event (`branch-hunts`) tells of a branch that "
+                "changes more than five times in ten seconds"
+            ),
+            kind="counts ≥ 0",
+        ),
     )
     reversal: ReversalValue | None = Field(default=None, description="blend between the branches")
-    reload: ReloadSpec | None = Field(default=None, description="blend from one table to the next")
+    reload: ReloadSpec | None = Field(
+        default=None,
+        description="blend from one table to the next",
+        json_schema_extra=documented(
+            meaning=(
+                "`stream`: setpoint travel over which one table gives way to another; "
+                "made longer where it must be. No effect in `targets` (warned of)"
+            ),
+            kind="`{ distance = LENGTH }`",
+            default="`1` mm",
+        ),
+    )
     outside: OutsideValue = Field(default=Outside(), description="what holds outside the table")
-    modulo: PositiveLength | None = Field(default=None, description="length of one turn of a rotary axis")
-    max_correction: PositiveLength | None = Field(default=None, description="largest correction allowed")
+    modulo: PositiveLength | None = Field(
+        default=None,
+        description="length of one turn of a rotary axis",
+        json_schema_extra=documented(
+            meaning=(
+                "one turn of a rotary axis. The table must cover exactly one turn with "
+                "equal corrections at both ends; without a table `units` must be "
+                '`"degree"`'
+            )
+        ),
+    )
+    max_correction: PositiveLength | None = Field(
+        default=None,
+        description="largest correction allowed",
+        json_schema_extra=documented(
+            meaning="larger corrections, with backlash, are refused",
+            default="`0.5` mm, or 0.3 mm/m of `travel` where that is more",
+        ),
+    )
     travel_margin: LengthOrZero | None = Field(
-        default=None, description="how far a corrected position may lie outside travel"
+        default=None,
+        description="how far a corrected position may lie outside travel",
+        json_schema_extra=documented(
+            meaning=("how far a corrected position may lie outside `travel` before it is refused"),
+            default="`max_correction`",
+        ),
     )
     max_slope: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
-        default=settings.DEFAULT_MAX_SLOPE, description="steepest table allowed"
+        default=settings.DEFAULT_MAX_SLOPE,
+        description="steepest table allowed",
+        json_schema_extra=documented(
+            meaning="steeper tables are refused: change of the correction per unit of travel"
+        ),
     )
     fresh_ms: Milliseconds = Field(
-        default=settings.DEFAULT_FRESH_MS, description="age in milliseconds up to which a reading counts"
+        default=settings.DEFAULT_FRESH_MS,
+        description="age in milliseconds up to which a reading counts",
+        json_schema_extra=documented(meaning="age up to which a measured position counts"),
     )
-    backlash: BacklashSpec | None = Field(default=None, description="constant lost motion")
-    thermal: ThermalSpec | None = Field(default=None, description="what a warm screw adds")
-    cross: ListOf[CrossSpec] = Field(default=(), description="what the positions of other axes add")
+    backlash: BacklashSpec | None = Field(
+        default=None,
+        description="constant lost motion",
+        json_schema_extra=documented(
+            more="Beside a table of one direction, or without a table", kind="`{ width = LENGTH, kind = … }`"
+        ),
+    )
+    thermal: ThermalSpec | None = Field(
+        default=None,
+        description="what a warm screw adds",
+        json_schema_extra=documented(
+            more=("See below; refused without `table` and `travel`, on a rotary axis and in a group")
+        ),
+    )
+    cross: ListOf[CrossSpec] = Field(
+        default=(),
+        description="what the positions of other axes add",
+        json_schema_extra=documented(
+            more="See below; refused without `table` and `travel`, and in a group",
+            kind="list of `{ axis, table, fresh_s }`",
+        ),
+    )
     budget_us: Microseconds = Field(
         default=DEFAULT_BUDGET_US,
         description="microseconds that the gateway itself may take for one exchange",
+        json_schema_extra=documented(
+            meaning=(
+                "what the gateway itself may take for one exchange of this axis: from the "
+                "last byte in to the first byte out, of the request and of the reply "
+                "together. Wires and drives are not in it"
+            )
+        ),
     )
     deadline_ms: Milliseconds | None = Field(
-        default=None, description="age in milliseconds at which a target or its trigger is late"
+        default=None,
+        description="age in milliseconds at which a target or its trigger is late",
+        json_schema_extra=documented(
+            meaning=(
+                "age at which a target or its trigger is late, counted from its last byte "
+                "from the controller to its first byte to the drive. A stop is never late"
+            ),
+            default="none",
+        ),
     )
-    late: ByName[Late] | None = Field(default=None, description="what happens to a late target")
-    unmapped: ByName[Unmapped] = Field(default=Unmapped.REFUSE, description="writes to unmapped positions")
+    late: ByName[Late] | None = Field(
+        default=None,
+        description="what happens to a late target",
+        json_schema_extra=documented(
+            meaning=(
+                "what happens to a late target: it goes all the same, because a move must "
+                "not end short; or it is refused, because a stale setpoint is worse than "
+                "none. Refused without `deadline_ms`"
+            ),
+            default='`"forward"` with `setpoints = "targets"`, `"reject"` with `"stream"`',
+        ),
+    )
+    unmapped: ByName[Unmapped] = Field(
+        default=Unmapped.REFUSE,
+        description="writes to unmapped positions",
+        json_schema_extra=documented(
+            meaning=(
+                "what happens to writes to `position_like` registers while the axis is "
+                "corrected: exception 2, or they pass as they are"
+            )
+        ),
+    )
     stored_moves: ByName[StoredMoves] = Field(
-        default=StoredMoves.REFUSE, description="moves kept by the drive"
+        default=StoredMoves.REFUSE,
+        description="moves kept by the drive",
+        json_schema_extra=documented(
+            meaning=(
+                "what happens to moves to positions that the drive keeps, and to triggers "
+                "of targets that were not written through the gateway, whatever kind of "
+                "move they are: exception 4, or they run as they are and the axis is "
+                "flagged"
+            )
+        ),
     )
     relative_unknown: ByName[Unmapped] = Field(
-        default=Unmapped.REFUSE, description="relative moves from an unknown place"
+        default=Unmapped.REFUSE,
+        description="relative moves from an unknown place",
+        json_schema_extra=documented(
+            meaning=(
+                "what happens to distances from a place that nobody knows: exception 6, "
+                "or they pass as they are and are reported"
+            )
+        ),
     )
     lost_ms: Milliseconds = Field(
         default=1000.0,
         description="silence in milliseconds after which the drive may have been switched off",
+        json_schema_extra=documented(
+            meaning=(
+                "a drive that left requests unanswered for longer than this, from the "
+                "first to the last of them, may have been switched off: base, modes and "
+                "registers are forgotten, never the words of a place that was proved, and "
+                "`referenced` has to be shown again. Its last target keeps its words only "
+                "where a reading shows the axis there. One lost reply is no silence"
+            )
+        ),
     )
     unseen_ms: Milliseconds = Field(
         default=DEFAULT_UNSEEN_MS,
         description="time in milliseconds without a word of the axis after which it is looked at again",
+        json_schema_extra=documented(
+            meaning=(
+                "`targets`: where neither the axis was read nor a command sent to it for "
+                "longer than this, its actual position is read once before the next "
+                "target, repeat or distance: somebody may have jogged it at the drive's "
+                "own panel. That read does not count towards `deadline_ms`. A status bit "
+                "keeps an axis in sight only where it is read again within this. Where "
+                "nothing may be read the direction is flagged"
+            )
+        ),
     )
     added_frames: ByName[AddedFrames] = Field(
-        default=AddedFrames.AUTO, description="frames that the gateway adds by itself"
+        default=AddedFrames.AUTO,
+        description="frames that the gateway adds by itself",
+        json_schema_extra=documented(
+            meaning=(
+                "`never`: the gateway sends no frame of its own. A trigger whose target "
+                "would have to be written anew and a distance whose start would have to "
+                "be read are refused; where only a reading would tell the direction it is "
+                "kept and flagged"
+            )
+        ),
     )
     writers: ByName[Writers] = Field(
-        default=Writers.ONE, description="how many controllers may move the axis at a time: one or any"
+        default=Writers.ONE,
+        description="how many controllers may move the axis at a time: one or any",
+        json_schema_extra=documented(
+            meaning=(
+                "`one`: whoever moves the axis holds it, and what would move it from "
+                "another controller or host gets exception 6 (event `second-writer`). "
+                "Stops always pass. `any`: all may move it at any time, and answer for "
+                "what comes of it"
+            )
+        ),
     )
     writer_hold_s: Annotated[float, Field(gt=0.0, le=86_400.0)] = Field(
         default=DEFAULT_WRITER_HOLD_S,
         description="seconds without a move after which another controller may move the axis",
+        json_schema_extra=documented(
+            meaning=(
+                "so long after its last frame that moves the axis its writer still holds "
+                "it, and 2 s at most after its last connection has closed"
+            )
+        ),
     )
 
     @property
@@ -210,4 +566,6 @@ class AxisSection(StrictModel):
 class GroupSection(StrictModel):
     """Axes that carry one beam together."""
 
-    axes: Annotated[ListOf[Name], Field(min_length=2)] = Field(description="the axes of the group")
+    axes: Annotated[ListOf[Name], Field(min_length=2)] = Field(
+        description="the axes of the group", json_schema_extra=documented(more="At least two")
+    )

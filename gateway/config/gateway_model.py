@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field
 from gateway.catalogue.events import EVENTS
 from gateway.config.explain import suggest
 from gateway.config.values import Name
-from gateway.drives.strict import ListOf, StrictModel
+from gateway.drives.strict import ListOf, StrictModel, documented
 from gateway.state.folder import DEFAULT_STATE
 
 
@@ -27,12 +27,25 @@ class GatewaySection(StrictModel):
 
     name: Name = Field(default="gateway", description="name of this gateway in status and messages")
     tables: Folder = Field(
-        default="tables", description="folder with the table files, relative to the configuration file"
+        default="tables",
+        description="folder with the table files, relative to the configuration file",
+        json_schema_extra=documented(kind="path"),
     )
     state: Folder = Field(
         default=DEFAULT_STATE,
         description="folder of what the gateway keeps: the compiled configuration and tables, the records of "
         "the axes, and its socket while it runs; relative to the configuration file",
+        json_schema_extra=documented(
+            meaning=(
+                "folder of what the gateway keeps, relative to the configuration file: "
+                "the compiled configuration and tables, `axis-NAME.record`, with which an "
+                "axis goes on after a restart, and while it runs `relay.sock`, over which "
+                "commands and the supervisor find it (see "
+                "[operations.md](operations.md)). Made where it is missing; one for each "
+                "gateway"
+            ),
+            kind="path",
+        ),
     )
 
 
@@ -40,7 +53,15 @@ class StatusUnitSection(StrictModel):
     """The unit id at which the gateway answers for itself."""
 
     id: Annotated[int, Field(ge=1, le=254)] = Field(
-        description="unit id at which controllers read the state of the gateway; of no drive"
+        description="unit id at which controllers read the state of the gateway; of no drive",
+        json_schema_extra=documented(
+            more=(
+                "Nor of another device on any line: what is asked there never reaches "
+                "one. Read-only ([registers](status-registers.md)). 248 and above are "
+                "reserved on serial lines and free in practice; some panels reach 247 at "
+                "most"
+            )
+        ),
     )
 
 
@@ -48,10 +69,27 @@ class CaptureSection(StrictModel):
     """What is kept of the frames of the last minutes."""
 
     size_mb: Annotated[float, Field(ge=0, le=256)] = Field(
-        default=4, description="memory for the last frames of each line, in MB; 0: none are kept"
+        default=4,
+        description="memory for the last frames of each line, in MB; 0: none are kept",
+        json_schema_extra=documented(
+            more=(
+                "An exchange takes about 130 bytes: 4 MB are five minutes of a hundred "
+                "exchanges in a second, or half a minute of a thousand. Changed at the "
+                "next start"
+            )
+        ),
     )
     on: ListOf[EventName] = Field(
-        default=(), description="events that write the frames before and after them into a file"
+        default=(),
+        description="events that write the frames before and after them into a file",
+        json_schema_extra=documented(
+            more=(
+                'As in `["drive-silent", "axis-blocked"]`; `pitch-gateway explain` knows '
+                "all. The supervisor writes `capture-TIME-EVENT.jsonl` into the folder of "
+                "the state, 2 s after the event, once a minute at most"
+            ),
+            kind="list of events",
+        ),
     )
     keep: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=8, description="so many files are kept; the oldest gives way"

@@ -5,7 +5,7 @@ from typing import Annotated, Final
 from pydantic import AfterValidator, Field
 
 from gateway.config.values import ADDRESS_RULE, FileName, Name, parse_address
-from gateway.drives.strict import ListOf, StrictModel
+from gateway.drives.strict import ListOf, StrictModel, documented
 from gateway.transport.endpoints import TcpEndpoint
 
 MOST_TOKENS: Final = 16
@@ -59,13 +59,47 @@ class HttpSection(StrictModel):
     """The status page."""
 
     listen: Annotated[str, AfterValidator(check_listen)] = Field(
-        default="127.0.0.1:8480", description='address of the page, "" for none'
+        default="127.0.0.1:8480",
+        description='address of the page, "" for none',
+        json_schema_extra=documented(
+            meaning=(
+                "address of the page and of everything else that is served over HTTP "
+                '([http](http.md)); `""`: none over TCP. `[::]` takes IPv6 connections '
+                "alone. Changes nothing at the machine"
+            ),
+            kind='`"HOST:PORT"`, `"[IPv6]:PORT"` or `""`',
+        ),
     )
 
     tokens: Annotated[ListOf[TokenSection], Field(max_length=MOST_TOKENS)] = Field(
-        default=(), description="tokens with which somebody may look; none: nobody is asked for one"
+        default=(),
+        description="tokens with which somebody may look; none: nobody is asked for one",
+        json_schema_extra=documented(
+            meaning=(
+                '`[{ name = "prometheus", file = "prometheus.token" }]`: with one of '
+                "these tokens somebody may look; with `acknowledge = true` he may also "
+                "acknowledge alarms ([http](http.md#post-acknowledge)). `name` is for the "
+                "log, `file` holds the token on one line and nothing else; `pitch-gateway "
+                "token FILE` makes one. Files are read again when they change. Asked for "
+                "over TCP everywhere, this machine included, never on the Unix socket"
+            ),
+            kind="list of tables, 16 at most",
+            default="none: nobody is asked for one",
+        ),
     )
-    tls: HttpTlsSection | None = Field(default=None, description="encrypt; needed beyond this machine")
+    tls: HttpTlsSection | None = Field(
+        default=None,
+        description="encrypt; needed beyond this machine",
+        json_schema_extra=documented(
+            meaning=(
+                "`certificate` and its `key`, both in PEM, the key not encrypted; with "
+                "`clients`, the authorities that sign certificates of clients, whoever "
+                "has such a certificate may look, with or without a token, but for those "
+                "in the authorities' list `revoked`. Read anew by `reload`"
+            ),
+            default="none: no TLS",
+        ),
+    )
 
     @property
     def endpoint(self) -> TcpEndpoint | None:

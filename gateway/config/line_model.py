@@ -18,7 +18,7 @@ from gateway.config.values import (
     Tcp,
     UnitId,
 )
-from gateway.drives.strict import ByName, ListOf, StrictModel
+from gateway.drives.strict import ByName, ListOf, StrictModel, documented
 from gateway.exchange.plan import LineTiming, Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits
@@ -48,27 +48,54 @@ class _SerialSettings(StrictModel):
     rtu: Device | None = Field(default=None, description="path of a serial port that carries Modbus RTU")
     tcp: Tcp | None = Field(default=None, description="HOST:PORT of Modbus TCP")
     baudrate: Annotated[int, Field(ge=50, le=12_000_000)] = Field(
-        default=_SERIAL.baudrate, description="bits per second of the serial port"
+        default=_SERIAL.baudrate,
+        description="bits per second of the serial port",
+        json_schema_extra=documented(more="Only with `rtu`"),
     )
-    parity: ByName[Parity] = Field(default=Parity.NONE, description="parity of the serial port")
+    parity: ByName[Parity] = Field(
+        default=Parity.NONE,
+        description="parity of the serial port",
+        json_schema_extra=documented(more="Only with `rtu`"),
+    )
     stop_bits: Annotated[int, Field(ge=1, le=2)] = Field(
-        default=_SERIAL.stop_bits, description="stop bits of the serial port"
+        default=_SERIAL.stop_bits,
+        description="stop bits of the serial port",
+        json_schema_extra=documented(more="Only with `rtu`"),
     )
     # RTU carries whole bytes (Modbus over serial line V1.02, 2.5.1).
     data_bits: Annotated[int, Field(ge=8, le=8)] = Field(
-        default=_SERIAL.data_bits, description="data bits of the serial port; RTU needs 8"
+        default=_SERIAL.data_bits,
+        description="data bits of the serial port; RTU needs 8",
+        json_schema_extra=documented(more="Only with `rtu`"),
     )
 
     low_latency: bool = Field(
         default=_SERIAL.low_latency,
         description="make the serial port's driver hand bytes over at once, where it can",
+        json_schema_extra=documented(
+            meaning=(
+                "only with `rtu`: the driver of the port is set to hand bytes over at "
+                "once, where it can (see [operations.md](operations.md)); `false`: it is "
+                "left as it is, and only shown"
+            )
+        ),
     )
     echo: bool = Field(
         default=_SERIAL.echo,
         description="the RS-485 adapter hears what it sends: it comes back, and is taken out",
     )
     rs485: bool = Field(
-        default=_SERIAL.rs485, description="set the RS-485 mode of the serial port's driver: it switches RTS"
+        default=_SERIAL.rs485,
+        description="set the RS-485 mode of the serial port's driver: it switches RTS",
+        json_schema_extra=documented(
+            meaning=(
+                "only with `rtu`: the kernel switches the direction of the line with RTS, "
+                "before and after each frame (TIOCSRS485), with the delays of the device "
+                "tree. A driver that cannot, as that of most USB adapters, refuses, and "
+                "so does the start of the gateway: those adapters switch by themselves. "
+                "`false`: it is left as it is"
+            )
+        ),
     )
 
     def serial_endpoint(self, device: str) -> SerialEndpoint:
@@ -117,6 +144,26 @@ def broken_rule(model: type[_SerialSettings], keys: Collection[str]) -> str:
 class DrivesEndpoint(_SerialSettings):
     """Where the drives are."""
 
+    rtu: Device | None = Field(
+        default=None,
+        description="path of a serial port that carries Modbus RTU",
+        json_schema_extra=documented(
+            meaning=(
+                "serial port with Modbus RTU. A name from `/dev/serial/by-id` stays the same when adapters "
+                "are replugged"
+            )
+        ),
+    )
+    echo: bool = Field(
+        default=_SERIAL.echo,
+        description="the RS-485 adapter hears what it sends: it comes back, and is taken out",
+        json_schema_extra=documented(
+            meaning=(
+                "only with `rtu`: the RS-485 adapter hears what it sends, so that what the gateway sends "
+                "comes back, and is taken out. Of a controller's port the first reply tells without it"
+            )
+        ),
+    )
     rtu_over_tcp: RtuOverTcp | None = Field(
         default=None, description="HOST:PORT of a serial device server that carries raw RTU frames"
     )
@@ -133,37 +180,99 @@ class DrivesEndpoint(_SerialSettings):
 class ControllerSection(RightsKeys, _SerialSettings):
     """One controller: where it connects and what it may do."""
 
+    rtu: Device | None = Field(
+        default=None,
+        description="path of a serial port that carries Modbus RTU",
+        json_schema_extra=documented(meaning="serial port that the controller is wired to"),
+    )
+    tcp: Tcp | None = Field(
+        default=None,
+        description="HOST:PORT of Modbus TCP",
+        json_schema_extra=documented(
+            meaning=(
+                "address to listen on. `0.0.0.0` stands for all IPv4 addresses of this machine, "
+                "`[::]` for its "
+                'IPv6 addresses alone: for both write two controllers, `tcp = "0.0.0.0:502"` and '
+                '`tcp = "[::]:502"`, each with `allow` networks of its own kind'
+            )
+        ),
+    )
+
     rtu_over_tcp: RtuOverTcp | None = Field(
-        default=None, description="HOST:PORT to listen on for who sends raw RTU frames over TCP"
+        default=None,
+        description="HOST:PORT to listen on for who sends raw RTU frames over TCP",
+        json_schema_extra=documented(
+            meaning=(
+                "address to listen on for a controller that sends RTU frames over TCP: a "
+                "device server that connects (its mode is often named TCP client), or a "
+                "program. Silence where RTU has silence; no transaction ids, so one "
+                "connection has one request at a time"
+            )
+        ),
     )
     name: Name = Field(description="name of the controller, once in its line")
     timeout_ms: Milliseconds = Field(
         default=1000.0, description="milliseconds after which this controller gives up on a request"
     )
     allow: ListOf[Network] = Field(
-        default=(), description="networks that may connect; none named: whoever reaches the port"
+        default=(),
+        description="networks that may connect; none named: whoever reaches the port",
+        json_schema_extra=documented(
+            meaning=(
+                'who may connect, as in `["192.168.0.0/24", "fd00::/8"]`; with `[]` '
+                "whoever reaches the address. Not with `rtu`"
+            )
+        ),
     )
     max_connections: Annotated[int, Field(ge=1, le=1024)] = Field(
-        default=DEFAULT_LIMITS.max_connections, description="connections at once over tcp"
+        default=DEFAULT_LIMITS.max_connections,
+        description="connections at once over tcp",
+        json_schema_extra=documented(more="Not with `rtu`"),
     )
     connects_per_s: Annotated[float, Field(gt=0.0, le=1e6)] = Field(
         default=DEFAULT_LIMITS.connects_per_s,
         description="connections without an answer that one host may open in a second over tcp, in the mean",
+        json_schema_extra=documented(
+            meaning=(
+                "connections that one host may open in a second, in the mean; after a "
+                "pause as many at once as `max_connections`. One that got an answer "
+                "before it ended is not counted, up to a thousand a second; with `tls` "
+                "each is. Not with `rtu`"
+            )
+        ),
     )
     idle_timeout_s: Annotated[float, Field(gt=0.0, le=1e6)] | None = Field(
         default=None,
         description="seconds after which a connection over tcp is closed that asks for nothing; none: never",
+        json_schema_extra=documented(
+            meaning=("a connection that sent no whole request for so long is closed. Not with `rtu`"),
+            default="never",
+        ),
     )
     silent_after_s: Annotated[float, Field(ge=0.0, le=1e7)] | None = Field(
         default=None,
         description="seconds without a request after which this controller is missed and its axes are not "
         "healthy; 0: it comes and goes",
+        json_schema_extra=documented(
+            meaning=(
+                "after so many seconds without a request of this controller its axes are "
+                "not healthy any more: page, `status`, MQTT and metrics say since when "
+                "(troubles `controller-absent`, `controller-silent`). Set it longer than "
+                "the controller ever stays away: `90000` for one that comes once a day. "
+                "`0`: it may stay away; no warning. A reload takes it over"
+            ),
+            default=("5 for the motion controllers of a line together: one that asks is enough. Others: `0`"),
+        ),
     )
     tls: ControllerTls | None = Field(
-        default=None, description="speak TLS only, with those who have a certificate (Modbus/TCP Security)"
+        default=None,
+        description="speak TLS only, with those who have a certificate (Modbus/TCP Security)",
+        json_schema_extra=documented(more="Only with `tcp`, see below"),
     )
     roles: dict[RoleName, RoleKeys] = Field(
-        default_factory=dict, description="with tls: what each role that a certificate may have gives"
+        default_factory=dict,
+        description="with tls: what each role that a certificate may have gives",
+        json_schema_extra=documented(more="See below", kind="tables", default="none"),
     )
 
     @property
@@ -203,57 +312,176 @@ class Connect(Enum):
 class LineSection(StrictModel):
     """One bus of drives."""
 
-    drives: DrivesEndpoint = Field(description="where the drives are: rtu, tcp or rtu_over_tcp")
+    drives: DrivesEndpoint = Field(
+        description="where the drives are: rtu, tcp or rtu_over_tcp",
+        json_schema_extra=documented(more="See below"),
+    )
     controllers: Annotated[ListOf[ControllerSection], Field(min_length=1)] = Field(
         description="one [[line.NAME.controllers]] for each controller"
     )
     response_timeout_ms: Milliseconds = Field(
-        default=_TIMING.response_timeout_ms, description="milliseconds that a drive has for its answer"
+        default=_TIMING.response_timeout_ms,
+        description="milliseconds that a drive has for its answer",
+        json_schema_extra=documented(
+            more=("The gateway never gives up before its controllers would, but for trials (`retry_ms`)")
+        ),
     )
     drain_ms: Milliseconds | None = Field(
         default=None,
         description="milliseconds of silence after a time-out before the next request, on RTU drives; "
         "response_timeout_ms when not given",
+        json_schema_extra=documented(
+            meaning=(
+                "RTU drives: silence that must follow a time-out before its unit id is "
+                "asked again, so that a late reply answers nothing else. Reads of other "
+                "unit ids need not wait for it, writes do, unless the silent drive has "
+                "left three requests in a row unanswered and was never late; one that was "
+                "late keeps everybody waiting for ten minutes after. What waits for its "
+                "own unit id and could leave only with less than half of its controller's "
+                "`timeout_ms` left gets 0x0B at once instead (counter `too_late`). "
+                "Refused with `tcp` drives, whose replies carry a number"
+            ),
+            default="`response_timeout_ms`",
+        ),
     )
     retry_ms: MillisecondsOrZero = Field(
         default=_TIMING.retry_ms,
         description="milliseconds after which a unit id that left three requests unanswered is tried again, "
         "doubling to 10 s; 0: it is always asked",
+        json_schema_extra=documented(
+            meaning=(
+                "requests to a unit id that left three in a row unanswered, and to its "
+                "group, are answered with 0x0B at once, on RTU too. After `retry_ms`, "
+                "then after twice as long each time up to 10 s, the next one is sent as a "
+                "trial, behind a read where it might move something; any frame of the "
+                "drive ends that. A read that is a trial is waited for "
+                "`response_timeout_ms`, and so long it costs the others of the line. The "
+                "same stop to a silent drive goes once in `retry_ms` at most. `0`: it is "
+                "always asked, and the others wait for each time-out"
+            )
+        ),
     )
     connect: ByName[Connect] = Field(
         default=Connect.ALWAYS,
         description="when there is a connection to the drives, over tcp: always, or on-demand",
+        json_schema_extra=documented(
+            meaning=(
+                '`"on-demand"`: the connection to the drives is made for a request, and '
+                "closed when none has been answered for a second and nothing is staged, "
+                "under way or unproven; with the next one homed bits and actual positions "
+                "are read first. For servers with few connections. Refused with axes "
+                'whose `referenced` is `"homing"` or `"set-position"`: nobody would see '
+                "that their drive was switched off"
+            )
+        ),
     )
     connect_delay_ms: MillisecondsOrZero = Field(
         default=_TIMING.connect_delay_ms,
         description="milliseconds between a connection to the drives and the first request on it, over tcp",
+        json_schema_extra=documented(
+            meaning=(
+                "for servers that stay mute when they are asked as soon as they have "
+                "accepted: so long nothing is sent on a connection, stops neither. A "
+                "request waits for its connection for half of its controller's "
+                "`timeout_ms` at most: keep it below that"
+            )
+        ),
     )
     max_connection_s: Annotated[float, Field(ge=0.0, le=1e6)] = Field(
         default=_TIMING.max_connection_s,
         description="seconds after which a connection to the drives is made anew, over tcp; 0: never",
+        json_schema_extra=documented(
+            meaning=(
+                "for servers that serve no connection for longer: it is closed and made "
+                "anew once nothing is outstanding, staged, under way or unproven. `0`: it "
+                "stays"
+            )
+        ),
     )
     turnaround_ms: MillisecondsOrZero = Field(
-        default=_TIMING.turnaround_ms, description="milliseconds of pause after a broadcast"
+        default=_TIMING.turnaround_ms,
+        description="milliseconds of pause after a broadcast",
+        json_schema_extra=documented(more="As in Modbus over serial line V1.02, 2.4.1"),
     )
     gap_ms: MillisecondsOrZero = Field(
-        default=_TIMING.gap_ms, description="milliseconds of silence before each request"
+        default=_TIMING.gap_ms,
+        description="milliseconds of silence before each request",
+        json_schema_extra=documented(
+            meaning=(
+                "silence before each request, beyond the standard's 3.5 characters. The "
+                "longest of this and of the `registers.gap_ms` of its axes holds for the "
+                "line"
+            )
+        ),
     )
     quiet_ms: MillisecondsOrZero = Field(
         default=_TIMING.quiet_ms,
         description="milliseconds without a motion exchange after which a monitor's exchange may start",
+        json_schema_extra=documented(
+            meaning=(
+                "a request of a `monitor` goes directly after an exchange of a `motion` "
+                "controller has ended, or after `quiet_ms` without one: the next motion "
+                "command then finds the line free. Longer than the pauses inside one "
+                "cycle of the motion controller, shorter than its cycle"
+            )
+        ),
     )
     other_units: ListOf[UnitId] = Field(
-        default=(), description="unit ids of further devices on the line, which have no axis"
+        default=(),
+        description="unit ids of further devices on the line, which have no axis",
+        json_schema_extra=documented(
+            meaning=(
+                "unit ids of further devices on the line: what is for them passes as it "
+                "is, and is no trouble. On Modbus/TCP with one axis a write to a unit id "
+                "that is not named is refused with 0x0A where it would reach a position, "
+                "trigger, mode or limit of the axis: many drives do not look at it. "
+                "Between serial ports (`rtu` on both sides) such a device may also take "
+                "and answer frames of another length than their function code says, as "
+                "some inverters do: `05 03 01 01 30 B8`. All bytes between two silences "
+                "are then one frame, which counts as a write and leaves some 30 ms after "
+                "its last byte: let the controller wait for 100 ms at least. Never for "
+                "unit id 0"
+            ),
+            default="none",
+        ),
     )
     answers_as: UnitId | None = Field(
         default=None,
         description="the unit id that the one Modbus/TCP drive answers with, where it is not its own",
+        json_schema_extra=documented(
+            meaning=(
+                "the unit id in the replies of a Modbus/TCP drive that answers with 0, 1 "
+                "or 255 whatever it is asked. It is not told of any more (event "
+                "`wrong-unit`)"
+            ),
+            default="its own",
+        ),
     )
     cut_through: bool = Field(
         default=False,
         description="let frames leave while they still arrive, between serial ports (RTU to RTU)",
+        json_schema_extra=documented(
+            meaning=(
+                "`true`: where controller and drives are both on serial ports a request "
+                "that is known begins to leave while it still arrives, and so does its "
+                "reply; all else is stored and forwarded. Of a write of one position 4 of "
+                "13 characters are waited for, of its reply 2 of 8. What turns out to be "
+                "damaged, or may not pass, ends with a check sum of which both bytes are "
+                "wrong: only for drives that look at the check sum of what they are told"
+            )
+        ),
     )
     monitor_max_wait_ms: Milliseconds = Field(
         default=_TIMING.monitor_max_wait_ms,
         description="milliseconds after which a monitor's request no longer waits for a gap that it fits",
+        json_schema_extra=documented(
+            meaning=(
+                "a request of a `monitor` that has waited for as long goes at the next "
+                "gap, though it does not fit. All monitors of a line share this: only one "
+                "such request in `monitor_max_wait_ms`, and only a tenth of the line's "
+                "time for all of them. Where many monitors do not fit, give them a longer "
+                "`timeout_ms` or let them ask less often. Warned of: a `timeout_ms` of "
+                "such a controller that is not longer"
+            )
+        ),
     )

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 from pydantic import BeforeValidator, Field
 
 from gateway.config.values import FileName
-from gateway.drives.strict import ByName, StrictModel
+from gateway.drives.strict import ByName, StrictModel, documented
 
 LONGEST_TOPIC: Final = 200
 """Characters of ``base_topic``: with names behind it, it stays far from the 65535 bytes of MQTT."""
@@ -74,38 +74,99 @@ class MqttSection(StrictModel):
     host: Annotated[str, Field(min_length=1, pattern=r"^[^\x00\s]*$")] = Field(
         default="127.0.0.1", description="the broker"
     )
-    port: Annotated[int, Field(ge=1, le=65535)] = Field(default=1883, description="the broker's port")
+    port: Annotated[int, Field(ge=1, le=65535)] = Field(
+        default=1883,
+        description="the broker's port",
+        json_schema_extra=documented(more="Brokers have TLS at 8883 as a rule"),
+    )
     base_topic: Annotated[str, BeforeValidator(read_topic)] = Field(
-        default="pitch-gateway", description="what every topic begins with"
+        default="pitch-gateway",
+        description="what every topic begins with",
+        json_schema_extra=documented(
+            meaning=(
+                "what every topic begins with, followed by the name of the gateway. "
+                "Levels between slashes; refused: `+`, `#`, control characters, an empty "
+                "level, a `$` in front"
+            ),
+            kind="topic",
+        ),
     )
     interval_s: Annotated[float, Field(ge=0.05, le=3600.0)] = Field(
         default=0.5, description="seconds between two messages of an axis"
     )
     version: ByName[MqttVersion] = Field(
-        default=MqttVersion.V311, description="of MQTT, as it is spoken with the broker"
+        default=MqttVersion.V311,
+        description="of MQTT, as it is spoken with the broker",
+        json_schema_extra=documented(
+            meaning=(
+                "of MQTT. Every broker speaks 3.1.1; 5 says more exactly why it refuses "
+                "something, and lets who commands say where the answer shall go"
+            )
+        ),
     )
     client_id: Annotated[str, BeforeValidator(read_client_id)] = Field(
-        default="", description='what the gateway calls itself at the broker, "" for pitch-gateway-NAME'
+        default="",
+        description='what the gateway calls itself at the broker, "" for pitch-gateway-NAME',
+        json_schema_extra=documented(
+            meaning=("what the gateway calls itself; a broker lets only one client of a name in"),
+            default='`"pitch-gateway-NAME"`',
+        ),
     )
     keepalive_s: Annotated[int, Field(ge=5, le=3600)] = Field(
         default=15,
         description="silence after which the broker and the gateway ask whether the other is there",
+        json_schema_extra=documented(
+            meaning=("after one and a half times this without a word the broker takes the gateway for dead")
+        ),
     )
     username: Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")] | None = Field(
-        default=None, description="who the gateway is for the broker"
+        default=None,
+        description="who the gateway is for the broker",
+        json_schema_extra=documented(more="Warned of: without `tls`, to another machine", default="none"),
     )
     password_file: FileName | None = Field(
         default=None,
         description="file that holds the password and nothing else, relative to the configuration file, or "
         "credential:NAME",
+        json_schema_extra=documented(
+            meaning=(
+                "file with the password on one line and nothing else, relative to this "
+                "file; or `credential:NAME`; read anew for each connection. Needs "
+                "`username`"
+            ),
+            default="none",
+        ),
     )
-    tls: TlsSection | None = Field(default=None, description="encrypt, and check who the broker is")
+    tls: TlsSection | None = Field(
+        default=None,
+        description="encrypt, and check who the broker is",
+        json_schema_extra=documented(
+            meaning=(
+                '`{}` trusts the authorities of the system; `{ ca = "ca.pem" }` those in '
+                "a file; with `cert` and `key`, both in PEM, the gateway shows a "
+                "certificate of its own. The key must not be encrypted. Paths are "
+                "relative to this file, or `credential:NAME`"
+            ),
+            default="none: no TLS",
+        ),
+    )
     discovery: Annotated[str, BeforeValidator(read_prefix)] = Field(
         default="",
         description='topic prefix of Home Assistant\'s discovery, "homeassistant" there; "" for none',
+        json_schema_extra=documented(
+            meaning=('prefix of Home Assistant\'s discovery, `"homeassistant"` unless it was changed there'),
+            kind='topic or `""`',
+            default='`""`: off',
+        ),
     )
     commands: bool = Field(
         default=False,
         description="whether the broker's clients may reload, enable, disable and set gains; nothing "
         "that they can say moves an axis",
+        json_schema_extra=documented(
+            meaning=(
+                "`true`: who may write to the broker's `BASE/NAME/command/…` may reload, "
+                "enable, disable and set gains. Nothing moves an axis by itself"
+            )
+        ),
     )

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from gateway.drives.strict import ListOf, StrictModel
+from gateway.drives.strict import ListOf, StrictModel, documented
 from gateway.state.plan import RelayOptions
 
 HIGHEST_PRIORITY = 99
@@ -31,9 +31,25 @@ class RelaySection(StrictModel):
     """Scheduling of the relay; what the system refuses it goes without, and says so."""
 
     fifo: Annotated[int, Field(ge=0, le=HIGHEST_PRIORITY)] = Field(
-        default=_DEFAULT.fifo, description="real-time priority (SCHED_FIFO), 0 for none"
+        default=_DEFAULT.fifo,
+        description="real-time priority (SCHED_FIFO), 0 for none",
+        json_schema_extra=documented(
+            meaning=(
+                "real-time priority (SCHED_FIFO): goes before everything without one. 0: "
+                "as the process was started"
+            )
+        ),
     )
-    cpus: Cpus = Field(default=_DEFAULT.cpus, description="CPUs that the relay runs on; none named: any")
+    cpus: Cpus = Field(
+        default=_DEFAULT.cpus,
+        description="CPUs that the relay runs on; none named: any",
+        json_schema_extra=documented(
+            meaning=(
+                "CPUs to run on, each once; `[]`: any. When one of them is not there, at "
+                "the start, none of them is kept to"
+            )
+        ),
+    )
     lock_memory: bool = Field(
         default=_DEFAULT.lock_memory, description="keep the memory of the relay from being paged out"
     )

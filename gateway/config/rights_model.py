@@ -5,7 +5,7 @@ from typing import Annotated, Final
 
 from pydantic import BeforeValidator, Field
 
-from gateway.drives.strict import ByName, ListOf, StrictModel
+from gateway.drives.strict import ByName, ListOf, StrictModel, documented
 from gateway.exchange.plan import Role
 from gateway.exchange.rights import RegisterSpan, Rights
 
@@ -44,20 +44,68 @@ FunctionCode = Annotated[int, Field(ge=1, le=127)]
 class RightsKeys(StrictModel):
     """What somebody may do with the drives of a line."""
 
-    role: ByName[Role] = Field(default=Role.MOTION, description="what the controller may do")
-    read_only: bool = Field(default=False, description="nothing may be written, whatever the role")
-    unit_ids: ListOf[UnitId] = Field(default=(), description="unit ids that may be spoken to; none: all")
+    role: ByName[Role] = Field(
+        default=Role.MOTION,
+        description="what the controller may do",
+        json_schema_extra=documented(
+            meaning=(
+                "`motion` may do everything and goes first; `operator` may read, and stop "
+                "the axes; `monitor` may only read. What a role may not do is answered "
+                "with exception 1"
+            )
+        ),
+    )
+    read_only: bool = Field(
+        default=False,
+        description="nothing may be written, whatever the role",
+        json_schema_extra=documented(more="No stop either"),
+    )
+    unit_ids: ListOf[UnitId] = Field(
+        default=(),
+        description="unit ids that may be spoken to; none: all",
+        json_schema_extra=documented(
+            meaning=(
+                "unit ids that it may speak to. On a serial line a broadcast (0) reaches "
+                "every drive: it takes 0 and the unit ids of all axes of the line"
+            ),
+            default="all",
+        ),
+    )
     function_codes: ListOf[FunctionCode] = Field(
-        default=(), description="function codes that may be used; none: all"
+        default=(),
+        description="function codes that may be used; none: all",
+        json_schema_extra=documented(meaning="function codes that it may use", default="all"),
     )
     readable: ListOf[Span] = Field(
-        default=(), description="addresses that may be read, each one or FIRST-LAST; none: all"
+        default=(),
+        description="addresses that may be read, each one or FIRST-LAST; none: all",
+        json_schema_extra=documented(
+            meaning=(
+                'addresses that it may read, as in `[0x0520, "0x0606-0x0607"]`; a request '
+                "has to stay inside one of them. Registers, coils and inputs alike"
+            ),
+            kind="list of addresses",
+            default="all",
+        ),
     )
     writable: ListOf[Span] = Field(
-        default=(), description="addresses that may be written, each one or FIRST-LAST; none: all"
+        default=(),
+        description="addresses that may be written, each one or FIRST-LAST; none: all",
+        json_schema_extra=documented(
+            meaning="addresses that it may write; in the same way", kind="list of addresses", default="all"
+        ),
     )
     requests_per_s: Annotated[float, Field(gt=0.0, le=1e6)] | None = Field(
-        default=None, description="requests in a second, in the mean; not given: no limit"
+        default=None,
+        description="requests in a second, in the mean; not given: no limit",
+        json_schema_extra=documented(
+            kind="number > 0",
+            meaning=(
+                "requests in a second over all its connections, in the mean; after a "
+                "pause as many at once as in one second"
+            ),
+            default="no limit",
+        ),
     )
 
     @property
@@ -76,4 +124,13 @@ class RightsKeys(StrictModel):
 class RoleKeys(RightsKeys):
     """What a role in a certificate gives; nothing where it does not say what."""
 
-    role: ByName[Role] = Field(description="what a controller with this role may do")
+    role: ByName[Role] = Field(
+        description="what a controller with this role may do",
+        json_schema_extra=documented(
+            meaning=(
+                "`motion` may do everything and goes first; `operator` may read, and stop "
+                "the axes; `monitor` may only read. What a role may not do is answered "
+                "with exception 1"
+            )
+        ),
+    )

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field
 from gateway.compensation import settings
 from gateway.config.mqtt_model import read_topic
 from gateway.config.values import Length, Name, Tcp
-from gateway.drives.strict import ByName, StrictModel
+from gateway.drives.strict import ByName, StrictModel, documented
 from gateway.drives.words import Address
 from gateway.modbus.registers import RegisterType, WordOrder
 
@@ -22,13 +22,33 @@ class TemperatureSource(StrictModel):
     """Where the temperature of a screw is heard."""
 
     mqtt: Annotated[str, BeforeValidator(read_topic)] | None = Field(
-        default=None, description="topic of the broker of [mqtt] that carries it"
+        default=None,
+        description="topic of the broker of [mqtt] that carries it",
+        json_schema_extra=documented(
+            meaning=(
+                "topic of the broker of `[mqtt]`. A message is a number in °C, or JSON "
+                "with a number under `temperature`, `celsius` or `value`"
+            ),
+            kind="topic",
+        ),
     )
-    modbus: Tcp | None = Field(default=None, description="HOST:PORT of a Modbus TCP device that has it")
+    modbus: Tcp | None = Field(
+        default=None,
+        description="HOST:PORT of a Modbus TCP device that has it",
+        json_schema_extra=documented(
+            more=(
+                "It may be a monitor's address of the gateway itself, where the sensor is on a bus of drives"
+            )
+        ),
+    )
     unit_id: Annotated[int, Field(ge=0, le=255)] = Field(
         default=1, description="Modbus unit id of the device"
     )
-    address: Address | None = Field(default=None, description="first register of the value")
+    address: Address | None = Field(
+        default=None,
+        description="first register of the value",
+        json_schema_extra=documented(default="required beside `modbus`"),
+    )
     function: Literal[3, 4] = Field(
         default=3, description="3 reads holding registers, 4 reads input registers"
     )
@@ -48,26 +68,60 @@ class ThermalSpec(StrictModel):
     """How the length of the screw follows its temperature."""
 
     alpha: Annotated[float, Field(gt=0.0, le=LARGEST_ALPHA)] = Field(
-        description="expansion of the screw per kelvin, about 11.5e-6 for steel"
+        description="expansion of the screw per kelvin, about 11.5e-6 for steel",
+        json_schema_extra=documented(
+            meaning=("how much longer the screw becomes with each kelvin: about `11.5e-6` for steel"),
+            kind="per kelvin, 0 to 0.001",
+        ),
     )
     reference: Celsius = Field(default=20.0, description="temperature at which the table holds, in °C")
     fixed_at: Length = Field(
-        default=0.0, description="machine position that stays where it is when the screw grows"
+        default=0.0,
+        description="machine position that stays where it is when the screw grows",
+        json_schema_extra=documented(
+            meaning=(
+                "machine position that stays where it is when the screw grows: where its "
+                "fixed bearing is, on the scale of `travel`. It may lie outside `travel`"
+            )
+        ),
     )
-    source: TemperatureSource = Field(description="where the temperature is heard")
+    source: TemperatureSource = Field(
+        description="where the temperature is heard",
+        json_schema_extra=documented(
+            more="`{ mqtt = … }` or `{ modbus = …, address = … }`, see below", kind="table"
+        ),
+    )
     timeout_s: Seconds = Field(
         default=60.0, description="seconds without a temperature after which the sensor is silent"
     )
     hold_s: Annotated[float, Field(ge=0.0, le=LONGEST_S)] = Field(
-        default=600.0, description="seconds for which the last temperature is held after that"
+        default=600.0,
+        description="seconds for which the last temperature is held after that",
+        json_schema_extra=documented(
+            meaning=(
+                "so long after `timeout_s` the last temperature is held; then what is "
+                "added goes back to 0, by `rate_per_min`"
+            )
+        ),
     )
     rate_per_min: Annotated[float, Field(gt=0.0, le=60.0)] = Field(
         default=settings.DEFAULT_KELVIN_PER_MIN,
         description="kelvins per minute that are followed at most",
+        json_schema_extra=documented(
+            meaning=(
+                "what is added follows the temperature no faster, so that a sensor that jumps does no harm"
+            )
+        ),
     )
     largest_dt: Annotated[float, Field(gt=0.0, le=200.0)] = Field(
         default=settings.DEFAULT_LARGEST_DT,
         description="kelvins from the reference beyond which a value is no temperature of the screw",
+        json_schema_extra=documented(
+            meaning=(
+                "a value that lies farther from `reference` is no temperature of a screw: "
+                "it is refused, told, and counts as silence"
+            )
+        ),
     )
 
 
@@ -76,7 +130,15 @@ class CrossSpec(StrictModel):
 
     axis: Name = Field(description="the other axis, of this configuration")
     table: str = Field(
-        description="table file: corrections of this axis over machine positions of the other one"
+        description="table file: corrections of this axis over machine positions of the other one",
+        json_schema_extra=documented(
+            meaning=(
+                "table file in the tables folder, of any format and of one direction: "
+                "corrections of this axis at machine positions of the other one. It is "
+                "read with the configuration and not watched"
+            ),
+            kind="file name",
+        ),
     )
     fresh_s: Seconds = Field(
         default=60.0,

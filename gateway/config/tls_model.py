@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field
 
 from gateway.config.values import FileName
-from gateway.drives.strict import StrictModel
+from gateway.drives.strict import StrictModel, documented
 from gateway.transport.certificates import LONGEST_ROLE
 
 
@@ -31,7 +31,14 @@ class ControllerTls(StrictModel):
         "relative to the configuration file"
     )
     key: FileName = Field(
-        description='file with the key of that certificate, or "credential:NAME" of the service manager'
+        description='file with the key of that certificate, or "credential:NAME" of the service manager',
+        json_schema_extra=documented(
+            meaning=(
+                "file with the key of that certificate, not encrypted, readable by the "
+                'gateway\'s user only; or `"credential:NAME"`, as systemd hands it over '
+                "with `LoadCredential=`"
+            )
+        ),
     )
     clients: FileName = Field(
         description="file with the certificates of the authorities that sign those of controllers"

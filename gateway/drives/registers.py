@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from gateway.drives.motion import Addressing, Form, MotionPlan
 from gateway.drives.rules import ModeSource, ModeSpec, TriggerSpec
-from gateway.drives.strict import ByName, ListOf, StrictModel
+from gateway.drives.strict import ByName, ListOf, StrictModel, documented
 from gateway.drives.words import LAST_ADDRESS, Address, Bit
 from gateway.modbus.registers import (
     BitField,
@@ -65,7 +65,9 @@ class PositionSpec(StrictModel):
     address: Address = Field(description="first register")
     type: ByName[RegisterType] = Field(description="how the number is stored")
     words: ByName[WordOrder] = Field(
-        default=WordOrder.HIGH_FIRST, description="which word of a longer number comes first"
+        default=WordOrder.HIGH_FIRST,
+        description="which word of a longer number comes first",
+        json_schema_extra=documented(more="The wrong order turns 10000 into 655360000"),
     )
     scale: Annotated[float, Field(gt=0.0, le=MAX_SCALE)] = Field(
         default=1.0, description="counts in one step of this field"
@@ -73,9 +75,24 @@ class PositionSpec(StrictModel):
     access: ByName[FieldAccess] = Field(
         default=FieldAccess.BOTH,
         description="where something else is read at this address than was written: read or write",
+        json_schema_extra=documented(
+            meaning=(
+                "where a drive shows something else at an address than was written there, "
+                'two positions share the address: one is `"read"`, the other `"write"`'
+            )
+        ),
     )
     block: Address | None = Field(
-        default=None, description="the position stands only in frames that begin at this address"
+        default=None,
+        description="the position stands only in frames that begin at this address",
+        json_schema_extra=documented(
+            meaning=(
+                "the position stands only in frames that begin at this address. For "
+                "drives whose addresses are commands: a frame of four registers at 0x00F5 "
+                "is one command, and one at 0x00F4 is another, although the registers "
+                "overlap"
+            )
+        ),
     )
 
     @model_validator(mode="after")
@@ -111,7 +128,19 @@ class PathsSpec(StrictModel):
 class RepeatedSpec(PositionSpec):
     """A position, and perhaps further ones of the same kind."""
 
-    paths: PathsSpec | None = Field(default=None, description="further positions at even distances")
+    paths: PathsSpec | None = Field(
+        default=None,
+        description="further positions at even distances",
+        json_schema_extra=documented(
+            meaning=(
+                "only in `command` (as its only entry), `position_like` and `remap`: "
+                "`count` (1 to 256) positions of the same kind, each `stride` registers "
+                "after the one before; in `command` the address of `mode` moves along "
+                "with them"
+            ),
+            kind="`{ count, stride }`",
+        ),
+    )
 
     @model_validator(mode="after")
     def _paths_fit(self) -> "RepeatedSpec":
@@ -143,7 +172,9 @@ class CommandSpec(RepeatedSpec):
     """A position that the controller writes."""
 
     mode: ModeSpec | None = Field(
-        default=None, description="how this position is meant, where it is not as the map says"
+        default=None,
+        description="how this position is meant, where it is not as the map says",
+        json_schema_extra=documented(more="Only in `command`", default="as `mode` of the map"),
     )
 
 
@@ -151,7 +182,9 @@ class ActualSpec(PositionSpec):
     """A measured position."""
 
     set_position: bool = Field(
-        default=False, description="writing it tells the drive that it stands somewhere else"
+        default=False,
+        description="writing it tells the drive that it stands somewhere else",
+        json_schema_extra=documented(more="Only in `actual`"),
     )
 
 
@@ -159,8 +192,18 @@ class BitSpec(StrictModel):
     """One bit of one register, or a coil or discrete input."""
 
     address: Address = Field(description="the register, coil or input")
-    bit: Bit = Field(default=0, description="the bit of the register, 0 being the lowest")
-    table: ByName[BitTable] = Field(default=BitTable.REGISTER, description="register, coil or input")
+    bit: Bit = Field(
+        default=0,
+        description="the bit of the register, 0 being the lowest",
+        json_schema_extra=documented(kind="0 (lowest) to 15", default="required with a register"),
+    )
+    table: ByName[BitTable] = Field(
+        default=BitTable.REGISTER,
+        description="register, coil or input",
+        json_schema_extra=documented(
+            meaning=("a coil (function code 1) or a discrete input (function code 2) has no `bit`")
+        ),
+    )
     inverted: bool = Field(default=False, description="0 means yes")
 
     @model_validator(mode="after")
@@ -205,55 +248,189 @@ class RegisterMap(StrictModel):
     command: Annotated[ListOf[CommandSpec], Field(min_length=1)] = Field(
         description="positions that the controller writes; read back they give the nominal value too"
     )
-    actual: ListOf[ActualSpec] = Field(default=(), description="measured positions")
+    actual: ListOf[ActualSpec] = Field(
+        default=(),
+        description="measured positions",
+        json_schema_extra=documented(
+            meaning=(
+                "measured positions. Where writing one tells the drive that it stands "
+                "somewhere else, it has `set_position = true`"
+            )
+        ),
+    )
     commanded: ListOf[PositionSpec] = Field(
         default=(), description="positions that the drive's own profile commands at the moment"
     )
     limits: ListOf[PositionSpec] = Field(
-        default=(), description="positions that the drive compares its own with: software limits, areas"
+        default=(),
+        description="positions that the drive compares its own with: software limits, areas",
+        json_schema_extra=documented(
+            meaning=(
+                "positions that the drive compares its own with: software limits, areas. "
+                "They are corrected like a position there, half way between the two "
+                "directions. A limit of 0 passes as it is, because for many drives it "
+                "means that there is none; one of which a part is written alone is "
+                "refused"
+            )
+        ),
     )
     aliases: ListOf[PositionSpec] = Field(
-        default=(), description="further addresses at which the same positions are read"
+        default=(),
+        description="further addresses at which the same positions are read",
+        json_schema_extra=documented(
+            meaning=(
+                "further addresses at which positions are read. They are turned back like "
+                "`actual`; writing one while the axis is corrected is refused with "
+                "exception 2"
+            )
+        ),
     )
     position_like: ListOf[RepeatedSpec] = Field(
-        default=(), description="positions that are not mapped; writing them is refused"
+        default=(),
+        description="positions that are not mapped; writing them is refused",
+        json_schema_extra=documented(
+            meaning=(
+                "registers that hold positions which are not mapped (mirrors, stored "
+                "targets, home offsets): written while the axis is corrected they are "
+                "refused with exception 2 (see `unmapped`); read they pass as they are"
+            )
+        ),
     )
     remap: ListOf[RepeatedSpec] = Field(
-        default=(), description="registers that move other registers about; writing one ends the compensation"
+        default=(),
+        description="registers that move other registers about; writing one ends the compensation",
+        json_schema_extra=documented(
+            meaning=(
+                "registers that move other registers about, or change the order of their "
+                "words: writing one ends the compensation of its unit until the gateway "
+                "is started again"
+            )
+        ),
     )
     mode: ModeSpec | None = Field(
-        default=None, description="how an absolute position is told from a distance"
+        default=None,
+        description="how an absolute position is told from a distance",
+        json_schema_extra=documented(more="See below", default="absolute"),
     )
-    trigger: ListOf[TriggerSpec] = Field(default=(), description="registers whose values make the drive act")
-    bits: BitsSpec = Field(default=BitsSpec(), description="state bits")
+    trigger: ListOf[TriggerSpec] = Field(
+        default=(),
+        description="registers whose values make the drive act",
+        json_schema_extra=documented(more="Coils too, see below"),
+    )
+    bits: BitsSpec = Field(
+        default=BitsSpec(),
+        description="state bits",
+        json_schema_extra=documented(
+            more=("`homed`, `done`, `moving`, `alarm`: what the drive tells about its state, see below")
+        ),
+    )
     done_means: ByName[DoneMeans] = Field(
-        default=DoneMeans.MOVE_ENDED, description="what bits.done says: move-ended or in-position"
+        default=DoneMeans.MOVE_ENDED,
+        description="what bits.done says: move-ended or in-position",
+        json_schema_extra=documented(
+            meaning=(
+                "`move-ended`: `bits.done` falls when a move begins and comes back when "
+                "it has ended. `in-position`: it only says that the axis is near where it "
+                "is told to be at the moment, which it may be on the way too; then an "
+                "actual position has to show that it has arrived"
+            )
+        ),
     )
     done_drop_ms: Annotated[float, Field(ge=0.0, le=MAX_DROP_MS)] = Field(
         default=1000.0,
         description="milliseconds that bits.done may still be that of the move before",
+        json_schema_extra=documented(
+            meaning=(
+                "so long after a target was acknowledged `bits.done` may still be that of "
+                "the move before. Sooner it counts as arrival, or as rest before a "
+                "distance, only after it was seen to fall"
+            )
+        ),
     )
     next_target: ByName[NextTarget] = Field(
         default=NextTarget.AT_ONCE,
         description="what a target does that comes while the axis moves: at-once or queued",
+        json_schema_extra=documented(
+            meaning=(
+                "`at-once`: a target that comes while the axis moves is gone to from "
+                "where the axis is. `queued`: the axis goes to the one before first, as "
+                "CiA 402 drives with set-points in a row do: its direction follows from "
+                "the order of the targets then, and no reading tells it"
+            )
+        ),
     )
-    staged: bool = Field(default=False, description="a written position waits for a trigger")
-    starts_on: ListOf[Address] = Field(default=(), description="words of a position that start the motion")
+    staged: bool = Field(
+        default=False,
+        description="a written position waits for a trigger",
+        json_schema_extra=documented(
+            meaning=(
+                "`true`: a written position waits for a trigger, and is corrected for the "
+                "moment of the trigger, see below. Needs a `trigger`"
+            )
+        ),
+    )
+    starts_on: ListOf[Address] = Field(
+        default=(),
+        description="words of a position that start the motion",
+        json_schema_extra=documented(
+            meaning=(
+                "words that start the motion as soon as they are written, whatever their "
+                "value: the word of a position that is looked at, or a speed beside it. "
+                "The other words wait for it"
+            )
+        ),
+    )
     addressing: ByName[Addressing] = Field(
         default=Addressing.REGISTERS,
         description="whether an address is a register or an object of its own width",
+        json_schema_extra=documented(
+            meaning=(
+                '`"objects"`: an address is the index of an object with a width of its '
+                "own. Two registers at 0x6064 do not touch 0x6065, and a frame holds "
+                "whole objects one after the other"
+            )
+        ),
     )
     objects: ListOf[ObjectSpec] = Field(
-        default=(), description="widths of objects that are no positions, where frames hold several objects"
+        default=(),
+        description="widths of objects that are no positions, where frames hold several objects",
+        json_schema_extra=documented(
+            meaning=(
+                'with `addressing = "objects"`: how many registers (1 to 4) an object '
+                "takes that is not a position, as in `{ address = 0x6081, words = 2 }`. "
+                "Needed only where a frame holds more than one object; 1 where nothing is "
+                "said"
+            ),
+            kind="list of `{ address, words }`",
+        ),
     )
     read: ByName[Form] = Field(
-        default=Form.FC03, description="how the gateway reads a position by itself: fc03, fc04 or mei"
+        default=Form.FC03,
+        description="how the gateway reads a position by itself: fc03, fc04 or mei",
+        json_schema_extra=documented(kind='`"fc03"`, `"fc04"`, `"mei"`'),
     )
     write: ByName[Form] = Field(
-        default=Form.FC16, description="how the gateway writes a position by itself: fc16, fc06 or mei"
+        default=Form.FC16,
+        description="how the gateway writes a position by itself: fc16, fc06 or mei",
+        json_schema_extra=documented(
+            meaning=(
+                "how the gateway writes a position by itself; `fc06` writes a longer one "
+                "word by word, and then needs `staged = true`: otherwise the first word "
+                "would already move the axis"
+            ),
+            kind='`"fc16"`, `"fc06"`, `"mei"`',
+        ),
     )
     refused_read: Annotated[int, Field(ge=0, le=255)] = Field(
-        default=0, description="function byte with which the drive refuses every read; 0: the usual one"
+        default=0,
+        description="function byte with which the drive refuses every read; 0: the usual one",
+        json_schema_extra=documented(
+            meaning=(
+                "function byte with which the drive refuses every read, as Kinco with "
+                "`0x81`; `0`: that of the request with bit 7 set, as the standard has it. "
+                "On RTU any other is no answer to what was asked"
+            )
+        ),
     )
     exception: ByName[OnException] = Field(
         default=OnException.UNKNOWN, description="what a refusal by the drive proves"
@@ -274,6 +451,13 @@ class RegisterMap(StrictModel):
     response_ms: Annotated[float, Field(ge=0.0, le=MAX_GAP_MS)] | None = Field(
         default=None,
         description="milliseconds that the drive takes before it answers; only the budget reckons with it",
+        json_schema_extra=documented(
+            meaning=(
+                "what this drive takes before it answers. Only `pitch-gateway budget` and "
+                "`check` reckon with it"
+            ),
+            default="not known",
+        ),
     )
 
     @model_validator(mode="after")

@@ -7,7 +7,7 @@ from typing import Final
 from pydantic import Field, model_validator
 
 from gateway.drives.motion import Action, Deed, ModePlan, TriggerPlan
-from gateway.drives.strict import ByName, ListOf, StrictModel
+from gateway.drives.strict import ByName, ListOf, StrictModel, documented
 from gateway.drives.words import Address, Word
 
 COIL_VALUES: Final = frozenset({0, 1})
@@ -54,11 +54,23 @@ TRIGGER_ACTIONS: Final = (
 class _Values(StrictModel):
     """Values of one register, listed under what they mean."""
 
-    mask: Word = Field(default=0xFFFF, description="bits of the register that count")
+    mask: Word = Field(
+        default=0xFFFF,
+        description="bits of the register that count",
+        json_schema_extra=documented(more="The values below have no others"),
+    )
     absolute: ListOf[Word] = Field(default=(), description="values that mean an absolute position")
     relative: ListOf[Word] = Field(default=(), description="values that mean a distance from the last target")
     relative_to_commanded: ListOf[Word] = Field(
-        default=(), description="values that mean a distance from the drive's own commanded position"
+        default=(),
+        description="values that mean a distance from the drive's own commanded position",
+        json_schema_extra=documented(
+            meaning=(
+                "a distance from where the drive's own profile stands at that moment. "
+                "Right also where the manual does not say what a distance counts from: "
+                "the gateway then wants a standing axis, at which all three are the same"
+            )
+        ),
     )
     relative_to_actual: ListOf[Word] = Field(
         default=(), description="values that mean a distance from the actual position"
@@ -66,12 +78,29 @@ class _Values(StrictModel):
     follow: ListOf[Word] = Field(
         default=(), description="values after which each position moves the axis as soon as it is written"
     )
-    stop: ListOf[Word] = Field(default=(), description="values that stop the axis")
+    stop: ListOf[Word] = Field(
+        default=(),
+        description="values that stop the axis",
+        json_schema_extra=documented(
+            meaning="it stops the axis, and the position in the frame means nothing"
+        ),
+    )
     home: ListOf[Word] = Field(default=(), description="values that mean homing")
     stored: ListOf[Word] = Field(default=(), description="values that run positions kept by the drive")
-    other_motion: ListOf[Word] = Field(default=(), description="values that mean jog, velocity or torque")
+    other_motion: ListOf[Word] = Field(
+        default=(),
+        description="values that mean jog, velocity or torque",
+        json_schema_extra=documented(
+            meaning="jog, velocity, torque: the position in the frame means nothing"
+        ),
+    )
     otherwise: ByName[Action] = Field(
-        default=Action.UNKNOWN, description="what every value means that is not listed"
+        default=Action.UNKNOWN,
+        description="what every value means that is not listed",
+        json_schema_extra=documented(
+            more="`unknown`: passed on unchanged and counted",
+            kind='one of the names above, `"ignore"`, `"unknown"`',
+        ),
     )
 
     def listed(self, actions: tuple[Action, ...]) -> Iterator[tuple[int, Action]]:
@@ -95,8 +124,26 @@ class _Values(StrictModel):
 class ModeSpec(_Values):
     """How to tell an absolute position from a relative one, or from none at all."""
 
-    source: ByName[ModeSource] = Field(description="where the mode is decided")
-    address: Address | None = Field(default=None, description="the register that holds the mode")
+    source: ByName[ModeSource] = Field(
+        description="where the mode is decided",
+        json_schema_extra=documented(
+            meaning=(
+                "`fixed`: every position is absolute. `sticky`: a register says so, as it "
+                "stands at the trigger. `in-frame`: a register that counts only in the "
+                "frame that holds the position. `trigger`: the trigger says so"
+            )
+        ),
+    )
+    address: Address | None = Field(
+        default=None,
+        description="the register that holds the mode",
+        json_schema_extra=documented(
+            meaning=(
+                "the register that holds the mode: needed with `sticky` and `in-frame`, "
+                "not allowed with the others"
+            )
+        ),
+    )
     resets_to: Word | None = Field(
         default=None, description="content to which the drive resets the register after each move"
     )
@@ -133,10 +180,25 @@ class ModeSpec(_Values):
 class TriggerSpec(_Values):
     """A register or a coil whose values make the drive act."""
 
-    address: Address | None = Field(default=None, description="the register")
-    coil: Address | None = Field(default=None, description="the coil, in place of a register; it is 0 or 1")
+    address: Address | None = Field(
+        default=None,
+        description="the register",
+        json_schema_extra=documented(more="Exactly one of `address` and `coil`"),
+    )
+    coil: Address | None = Field(
+        default=None,
+        description="the coil, in place of a register; it is 0 or 1",
+        json_schema_extra=documented(meaning="the coil; its values are 0 and 1"),
+    )
     rising: Word = Field(
-        default=0, description="bits of which one must rise for the drive to act; 0: every write acts"
+        default=0,
+        description="bits of which one must rise for the drive to act; 0: every write acts",
+        json_schema_extra=documented(
+            meaning=(
+                "bits of which one must rise from 0 to 1 for the drive to act; 0: every "
+                "write acts. A stop acts always"
+            )
+        ),
     )
     block: Address | None = Field(
         default=None, description="it acts only in frames that begin at this address"
@@ -146,11 +208,24 @@ class TriggerSpec(_Values):
     follow_next: ListOf[Word] = Field(
         default=(),
         description="as follow, for values that run nothing themselves, only what is written later",
+        json_schema_extra=documented(
+            meaning=(
+                "as `follow`, for values that run nothing themselves: only what is "
+                "written from then on. While the register holds a value that is not "
+                "listed, positions pass unchanged and are counted as unknown"
+            )
+        ),
     )
     ignore: ListOf[Word] = Field(default=(), description="values that do nothing")
     paths: bool = Field(
         default=False,
         description="value + P runs the position of path P, for values under absolute, relative and start",
+        json_schema_extra=documented(
+            meaning=(
+                "`command` has `paths`: value + P runs the position of path P, for the "
+                "values under `absolute`, the three `relative` and `start`"
+            )
+        ),
     )
 
     @model_validator(mode="after")

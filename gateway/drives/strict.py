@@ -2,7 +2,7 @@
 
 from typing import Annotated, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
 
 class StrictModel(BaseModel):
@@ -18,3 +18,15 @@ Element = TypeVar("Element")
 # step is relaxed; what stands inside stays strict.
 ByName = Annotated[Element, Field(strict=False)]
 ListOf = Annotated[tuple[Element, ...], Field(strict=False)]
+
+
+def documented(meaning: str = "", more: str = "", kind: str = "", default: str = "") -> dict[str, JsonValue]:
+    """Return what the reference says of a key beyond its description, for ``json_schema_extra``.
+
+    Args:
+        meaning: in place of the description, which is short because errors show it.
+        more: behind the description, as a sentence of its own.
+        kind: what may stand there, where the type of the field does not say it well.
+        default: what holds without the key, where the field does not know it: it depends on others.
+    """
+    return {"meaning": meaning, "more": more, "kind": kind, "default": default}

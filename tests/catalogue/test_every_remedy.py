@@ -10,7 +10,7 @@ from typer.main import get_command
 
 from gateway.catalogue.lookup import everything
 from gateway.cli.app import app
-from gateway.config.reference.find import find_keys
+from gateway.config.reference import find_keys
 from tests.commands import typed
 
 REMEDIES = {entry.remedy for entries in everything().values() for entry in entries}

@@ -10,7 +10,7 @@ from typing import Final
 
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
-from gateway.config.reference.tables import TABLES
+from gateway.config.reference import TABLES
 from gateway.drives import library
 from tests.config.config_bench import GOOD
 

@@ -22,7 +22,7 @@ from gateway.catalogue.starts import EXIT_CODES
 from gateway.catalogue.states import STATES
 from gateway.catalogue.troubles import TROUBLES
 from gateway.cli.app import app
-from gateway.config.reference.tables import TABLES, rows
+from gateway.config.reference import TABLES, rows
 from gateway.drives.library import names
 from gateway.relay.status_unit import BLOCKS
 from gateway.tabfile import DIALECTS

@@ -1,6 +1,10 @@
-"""What may stand beside a key, in words, from the type of its field."""
+"""The reference of all keys: what each one is called, what may stand there, what holds without it.
 
-from collections.abc import Mapping
+All of it is declared with the fields of the models. The documents, ``explain`` and completion show it.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from enum import Enum
 from types import NoneType, UnionType
 from typing import Annotated, Any, Final, Union, get_args, get_origin, get_type_hints
@@ -10,11 +14,126 @@ from pydantic.fields import FieldInfo
 
 from gateway.compensation.settings import Gain, Outside
 from gateway.config import values
+from gateway.config.axis_model import AxisSection, GroupSection, TableOptions
 from gateway.config.axis_values import GainValue, OutsideValue, ReversalValue
 from gateway.config.bounds import bounds_text
-from gateway.config.rights_model import Span
-from gateway.drives.registers import PositionSpec
+from gateway.config.gateway_model import CaptureSection, GatewaySection, StatusUnitSection
+from gateway.config.http_model import HttpSection
+from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSection
+from gateway.config.mqtt_model import MqttSection
+from gateway.config.relay_model import RelaySection
+from gateway.config.rights_model import RoleKeys, Span
+from gateway.config.terms_model import CrossSpec, TemperatureSource, ThermalSpec
+from gateway.config.tls_model import ControllerTls
+from gateway.drives.registers import ActualSpec, BitSpec, CommandSpec, PositionSpec, RegisterMap
+from gateway.drives.rules import ModeSpec, TriggerSpec
+from gateway.drives.strict import documented
 from gateway.drives.words import Address, Word
+
+
+@dataclass(frozen=True, slots=True)
+class KeyTable:
+    """One table: the keys of ``models``, each once, without those that stand elsewhere."""
+
+    models: tuple[type[BaseModel], ...]
+    elsewhere: frozenset[str] = frozenset()
+    """Keys of the same meaning in another table, which the text around this one points to."""
+    is_brief: bool = False
+    """What a base of the model declares stands in another table too, which has the long texts."""
+
+    def fields(self) -> Iterator[tuple[type[BaseModel], str]]:
+        """Yield every key with the model that has it."""
+        seen = set(self.elsewhere)
+        for model in self.models:
+            for key in model.model_fields:
+                if key not in seen:
+                    seen.add(key)
+                    yield model, key
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A key, as the reference shows it."""
+
+    key: str
+    kind: str
+    default: str
+    meaning: str
+
+
+_SERIAL: Final = frozenset({"baudrate", "parity", "stop_bits", "data_bits", "low_latency"})
+
+TABLES: Final[Mapping[str, KeyTable]] = {
+    "gateway": KeyTable((GatewaySection,)),
+    "relay": KeyTable((RelaySection,)),
+    "line": KeyTable((LineSection,)),
+    "line.drives": KeyTable((DrivesEndpoint,)),
+    "line.controllers": KeyTable((ControllerSection,), _SERIAL),
+    "line.controllers.tls": KeyTable((ControllerTls,)),
+    "line.controllers.roles": KeyTable((RoleKeys,), is_brief=True),
+    "axis": KeyTable((AxisSection,)),
+    "axis.table_options": KeyTable((TableOptions,)),
+    "axis.thermal": KeyTable((ThermalSpec,)),
+    "axis.thermal.source": KeyTable((TemperatureSource,)),
+    "axis.cross": KeyTable((CrossSpec,)),
+    "axis.registers": KeyTable((RegisterMap,)),
+    "axis.registers.position": KeyTable((PositionSpec, ActualSpec, CommandSpec)),
+    "axis.registers.bit": KeyTable((BitSpec,)),
+    "axis.registers.mode": KeyTable((ModeSpec,)),
+    "axis.registers.trigger": KeyTable(
+        (TriggerSpec,), frozenset(ModeSpec.model_fields) - {"address", "mask"}
+    ),
+    "http": KeyTable((HttpSection,)),
+    "mqtt": KeyTable((MqttSection,)),
+    "status_unit": KeyTable((StatusUnitSection,)),
+    "capture": KeyTable((CaptureSection,)),
+    "group": KeyTable((GroupSection,)),
+}
+"""By the name of their markers in the document."""
+
+
+def rows(table: KeyTable) -> list[Row]:
+    """Return what a table lists."""
+    found = []
+    for model, key in table.fields():
+        field = model.model_fields[key]
+        extra = field.json_schema_extra
+        said: dict[str, Any] = extra if isinstance(extra, dict) else documented()
+        is_brief = table.is_brief and key not in model.__annotations__
+        meaning, more = ("", "") if is_brief else (said["meaning"], said["more"])
+        found.append(
+            Row(
+                key,
+                said["kind"] or kind_text(model, key),
+                said["default"] or default_text(field),
+                meaning or ". ".join(filter(None, (field.description, more))),
+            )
+        )
+    return found
+
+
+def find_keys(asked: str) -> list[tuple[str, Row]]:
+    """Return the keys that are called so, each with the name of its table; a path names the section first.
+
+    >>> [name for name, _ in find_keys("axis.x.gain")], [name for name, _ in find_keys("gap_ms")]
+    (['axis'], ['line', 'axis.registers'])
+    """
+    *path, key = asked.strip().strip("[]").split(".")
+    return [
+        (name, row)
+        for name, table in TABLES.items()
+        if not path or name.split(".")[0] == path[0]
+        for row in rows(table)
+        if row.key == key
+    ]
+
+
+def all_keys() -> list[str]:
+    """Return every key once, for completion."""
+    return list(dict.fromkeys(row.key for table in TABLES.values() for row in rows(table)))
+
+
+# --- what may stand beside a key
 
 LAST_WORD: Final = 0xFFFF
 _SIGNS: Final = {"at least ": "≥ ", "greater than ": "> ", "at most ": "≤ ", "less than ": "< "}

@@ -1,1 +1,0 @@
-"""The reference of the configuration: every key with its type, bounds, default and meaning."""
