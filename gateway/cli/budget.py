@@ -59,7 +59,7 @@ def budget(
     """
     from gateway.budget.sequence import Blocks
     from gateway.budget.verdict import judge
-    from gateway.config.check_budget import findings_of
+    from gateway.config.checks.lines import findings_of
 
     plan = load_or_exit(config, checks_times=False).plan
     blocks = Blocks(registers, target_registers)

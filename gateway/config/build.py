@@ -7,7 +7,6 @@ from pathlib import Path
 
 from gateway.compensation.backlash import no_correction
 from gateway.config.axis_model import AddedFrames, AxisSection, StoredMoves, Unmapped, Writers
-from gateway.config.check_tls import tls_files
 from gateway.config.crosses import Crosses
 from gateway.config.drive_files import NamedProfile
 from gateway.config.line_model import Connect, ControllerSection, LineSection
@@ -130,7 +129,7 @@ def _tls_plan(controller: ControllerSection, folder: Path) -> TlsPlan | None:
     if controller.tls is None:
         return None
     roles = {name: RoleRights(each.role, each.rights) for name, each in controller.roles.items()}
-    return TlsPlan(tls_files(controller.tls, folder), roles)
+    return TlsPlan(controller.tls.files(folder), roles)
 
 
 def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: NamedProfile | None) -> AxisPlan:

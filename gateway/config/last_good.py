@@ -8,9 +8,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from gateway.config.check_tables import ROUNDING
+from gateway.config.checks.files import ROUNDING, TableReading
 from gateway.config.load import Loaded
-from gateway.config.readings import TableReading
 from gateway.exchange.plan import AxisPlan, without_live_values
 from gateway.state.plan import GatewayPlan
 from gateway.tabfile import TableState

@@ -6,32 +6,31 @@ from pathlib import Path
 from typing import Any
 
 from gateway.config.build import build_plan
-from gateway.config.check_axes import check_axes
-from gateway.config.check_budget import check_budget
-from gateway.config.check_drives import check_drives
-from gateway.config.check_groups import check_groups
-from gateway.config.check_http import check_http, check_http_files
-from gateway.config.check_late import check_late
-from gateway.config.check_lines import check_lines, check_status_unit
-from gateway.config.check_motion import check_motion
-from gateway.config.check_mqtt import check_mqtt
-from gateway.config.check_open_files import check_open_files
-from gateway.config.check_permissions import check_permissions
-from gateway.config.check_ports import check_ports
-from gateway.config.check_references import check_references
-from gateway.config.check_rights import check_rights
-from gateway.config.check_roles import check_roles
-from gateway.config.check_state import check_state
-from gateway.config.check_terms import check_terms
-from gateway.config.check_tls import check_tls_files, check_tls_keys
-from gateway.config.check_ways import check_ways
+from gateway.config.checks.axes import check_axes, check_groups, check_terms
+from gateway.config.checks.files import (
+    TableReading,
+    check_open_files,
+    check_permissions,
+    check_state,
+    read_tables,
+)
+from gateway.config.checks.lines import (
+    check_budget,
+    check_drives,
+    check_lines,
+    check_ports,
+    check_status_unit,
+    check_ways,
+)
+from gateway.config.checks.motion import check_late, check_motion, check_references
+from gateway.config.checks.rights import check_rights, check_roles, check_tls_files, check_tls_keys
+from gateway.config.checks.services import check_http, check_http_files, check_mqtt
 from gateway.config.crosses import Crosses, read_crosses
 from gateway.config.document import Document, read_document
 from gateway.config.drive_files import NamedProfile, fit_drives
 from gateway.config.findings import Findings
 from gateway.config.newer_release import with_newer_release
 from gateway.config.problems import ConfigErrors, Problem, in_file_order
-from gateway.config.readings import TableReading, read_tables
 from gateway.config.sections import Sections, read_sections
 from gateway.config.tables import AxisTable
 from gateway.config.toml_lines import KeyLines

@@ -1,12 +1,16 @@
 """``[line.NAME.controllers.tls]``: Modbus/TCP Security on the listener of a controller."""
 
+import os
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
 from gateway.config.values import FileName
 from gateway.drives.strict import StrictModel, documented
+from gateway.secret_files import CREDENTIAL
 from gateway.transport.certificates import LONGEST_ROLE
+from gateway.transport.tls_files import TlsFiles
 
 
 def read_role_name(raw: object) -> str:
@@ -46,3 +50,13 @@ class ControllerTls(StrictModel):
     revoked: FileName | None = Field(
         default=None, description="file with the authority's list of revoked certificates; left out: none"
     )
+
+    def files(self, folder: Path) -> TlsFiles:
+        """Return the files by paths from the root; ``folder`` is that of the configuration file."""
+
+        def place(name: str) -> str:
+            return os.fspath((folder / name).absolute())
+
+        key = self.key if self.key.startswith(CREDENTIAL) else place(self.key)
+        revoked = "" if self.revoked is None else place(self.revoked)
+        return TlsFiles(place(self.certificate), key, place(self.clients), revoked)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.config.check_ports import USUAL_RATES
+from gateway.config.checks.lines import USUAL_RATES
 from gateway.drives import library
 from tests.config.config_bench import GOOD, edited, line_of, loaded
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 from gateway.backoff import Backoff
 from gateway.catalogue.publishing_events import HTTP_NOT_OPEN, HTTP_READY, HTTP_REFUSED, TOKEN_UNUSABLE
 from gateway.catalogue.tls_events import CERTIFICATES_RENEWED
-from gateway.config.check_lines import is_loopback
+from gateway.config.checks.lines import is_loopback
 from gateway.config.http_model import HttpSection
 from gateway.config.named_files import NamedFileError
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketError, SocketPlace

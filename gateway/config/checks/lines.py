@@ -1,19 +1,29 @@
-"""What the lines of a configuration may not do to each other: share a port, a device, an address, a name."""
+"""Lines: who is on them, their ports, ways and times."""
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from ipaddress import ip_address
+from pathlib import Path
 from typing import Final, TypeGuard
 
+from gateway.budget.verdict import Grade, Judgement, judge
 from gateway.config.axis_model import AxisSection
+from gateway.config.build import line_plan
+from gateway.config.document import read_document
+from gateway.config.drive_files import NamedProfile
 from gateway.config.findings import Findings
 from gateway.config.gateway_model import StatusUnitSection
-from gateway.config.line_model import Connect, LineSection
-from gateway.config.problems import key_text
+from gateway.config.line_model import Connect, ControllerSection, DrivesEndpoint, LineSection, broken_rule
+from gateway.config.problems import key_text, shown
+from gateway.config.sections import Sections
+from gateway.config.tables import AxisTable
 from gateway.config.toml_lines import KeyPath
+from gateway.drives.profile import Transport
 from gateway.exchange.plan import Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+
+# --- What the lines of a configuration may not do to each other: share a port, a device, an address, a name
 
 MAY: Final = {Role.MOTION: "move", Role.OPERATOR: "read and stop", Role.MONITOR: "read"}
 WILDCARDS: Final = frozenset({"0.0.0.0", "::"})  # noqa: S104 (to be recognised, not to be bound)
@@ -258,3 +268,143 @@ def is_loopback(host: str) -> bool:
         return ip_address(_canonical(host)).is_loopback
     except ValueError:
         return False
+
+
+# --- Baud rates that no device has
+
+USUAL_RATES: Final = frozenset(
+    {
+        *(50, 75, 110, 134, 150, 200, 300, 600, 1200, 1800, 2400, 4800, 7200, 9600, 14400, 19200, 28800),
+        *(31250, 38400, 45450, 57600, 76800, 93750, 100_000, 115_200, 125_000, 128_000, 153_600, 187_500),
+        *(200_000, 230_400, 250_000, 256_000, 307_200, 312_500, 375_000, 400_000, 460_800, 500_000, 576_000),
+        *(600_000, 614_400, 625_000, 750_000, 800_000, 921_600),
+        *(1_000_000, 1_152_000, 1_250_000, 1_500_000, 1_562_500, 2_000_000, 2_500_000, 3_000_000, 3_500_000),
+        *(4_000_000, 5_000_000, 6_000_000, 8_000_000, 10_000_000, 12_000_000),
+    }
+)
+"""Of terminals and modems, of RS-485 buses, and what the clocks of adapters and drives divide down to."""
+
+
+def check_ports(findings: Findings, sections: Sections) -> None:
+    """Warn of rates that are none."""
+    for key, rate in _rates(findings, sections):
+        if rate not in USUAL_RATES:
+            nearest = min(USUAL_RATES, key=lambda usual: abs(usual - rate))
+            findings.warn(
+                key,
+                f"{rate} is no baud rate that devices have",
+                f"look in the manual of the device; the nearest usual one is {nearest}",
+            )
+
+
+def _rates(findings: Findings, sections: Sections) -> Iterator[tuple[KeyPath, int]]:
+    for name, line in sections.lines.items():
+        if line.drives.rtu is not None:
+            yield ("line", name, "drives", "baudrate"), line.drives.baudrate
+        for index, controller in enumerate(line.controllers):
+            if controller.rtu is not None:
+                key = controller_key(findings, name, controller.name, index)
+                yield (*key, "baudrate"), controller.baudrate
+
+
+# --- Tables that must say exactly one way, looked at as they stand in the file
+
+
+def check_ways(findings: Findings) -> None:
+    """Check the drives and the controllers of every line. What the schema reported too is one problem."""
+    lines = findings.document.tables.get("line")
+    for name, line in lines.items() if isinstance(lines, dict) else ():
+        if not isinstance(line, dict):
+            continue
+        _check(findings, DrivesEndpoint, line.get("drives"), ("line", name, "drives"))
+        controllers = line.get("controllers")
+        for index, controller in enumerate(controllers if isinstance(controllers, list) else ()):
+            _check(findings, ControllerSection, controller, ("line", name, "controllers", index))
+
+
+def _check(
+    findings: Findings, model: type[DrivesEndpoint | ControllerSection], raw: object, path: KeyPath
+) -> None:
+    rule = broken_rule(model, raw) if isinstance(raw, dict) else ""
+    if rule:
+        findings.refuse(path, f"found {shown(raw)}", rule)
+
+
+# --- Whether the drives that the profiles describe can be what the lines lead to
+
+
+def check_drives(findings: Findings, sections: Sections, drives: Mapping[str, NamedProfile]) -> None:
+    """Warn where a line is of a kind that its drive does not have, and of unit ids that it cannot have."""
+    for name, drive in drives.items():
+        axis = (sections.axes | sections.partial_axes)[name]
+        taken = drive.profile.unit_id_range
+        if taken is not None and not taken[0] <= axis.unit_id <= taken[1]:
+            only = f"{taken[0]} to {taken[1]}" if taken[0] < taken[1] else f"{taken[0]} only"
+            findings.warn(
+                ("axis", name, "unit_id"),
+                f"{drive.name} takes unit ids {only}, not {axis.unit_id}",
+                "set it to what stands in the drive",
+            )
+        line = sections.lines.get(axis.line)
+        if line is None or not drive.profile.transports or _transport(line) in drive.profile.transports:
+            continue
+        findings.warn(
+            ("axis", name, "drive"),
+            f"{drive.name} speaks {_spoken(drive.profile.transports)}, "
+            f"and the drives of line {axis.line} are on {_spoken((_transport(line),))}",
+            "check the line; a converter between the two in front of the drive is fine",
+        )
+
+
+def _transport(line: LineSection) -> Transport:
+    return Transport.RTU if line.drives.tcp is None else Transport.TCP
+
+
+def _spoken(transports: tuple[Transport, ...]) -> str:
+    return " and ".join(f"Modbus {transport.value.upper()}" for transport in transports)
+
+
+# --- What the arithmetic of time says about a configuration: a limit that no line can meet is wrong
+
+
+def check_budget(
+    findings: Findings,
+    sections: Sections,
+    tables: Mapping[str, AxisTable],
+    drives: Mapping[str, NamedProfile],
+) -> None:
+    """Check the times of every line of which everything else is good; a wrong one has no times yet."""
+    for name in sections.lines:
+        axes = {axis_name: axis for axis_name, axis in sections.axes.items() if axis.line == name}
+        keys: list[KeyPath] = [("line", name), *(("axis", axis_name) for axis_name in axes)]
+        if any(map(findings.is_refused, keys)) or any(axis.registers is None for axis in axes.values()):
+            continue
+        for judgement in judge(line_plan(name, sections, tables, drives)):
+            _note(findings, sections, judgement)
+
+
+def _note(findings: Findings, sections: Sections, judgement: Judgement) -> None:
+    key = judgement.key
+    if key[0] == "line" and key[2] == "controllers":
+        _, line, _, index, *rest = key
+        assert isinstance(line, str)
+        assert isinstance(index, int)
+        controller = sections.lines[line].controllers[index]
+        key = (*controller_key(findings, line, controller.name, index), *rest)
+    if judgement.grade is Grade.IMPOSSIBLE:
+        findings.refuse(key, judgement.found, judgement.remedy)
+    elif judgement.grade is Grade.CLOSE:
+        findings.warn(key, judgement.found, judgement.remedy)
+
+
+def findings_of(path: Path, judgements: Iterable[Judgement]) -> Findings:
+    """Return what was judged with its place in a configuration that could be loaded; notes are warnings.
+
+    Raises:
+        ConfigErrors: the file can no longer be read.
+    """
+    findings = Findings(read_document(path))
+    for judgement in judgements:
+        note = findings.refuse if judgement.grade is Grade.IMPOSSIBLE else findings.warn
+        note(judgement.key, judgement.found, judgement.remedy)
+    return findings

@@ -1,4 +1,11 @@
-"""Whether the table of an axis goes with the other keys of the axis."""
+"""Files: tables, the state folder, and who may write them."""
+
+import os
+import stat
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
 from gateway.compensation.backlash import no_correction, with_backlash
 from gateway.compensation.correction_spec import reversal_in_force, spec_of_table
@@ -7,10 +14,49 @@ from gateway.compensation.errors import CompensationError, TableError
 from gateway.compensation.settings import AxisSettings, OutsideKind, ReversalKind, Setpoints
 from gateway.compensation.table import CorrectionTable
 from gateway.config.axis_model import AxisSection
+from gateway.config.checks.lines import controller_key, drives_key
+from gateway.config.crosses import Crosses
+from gateway.config.drive_files import NamedProfile
 from gateway.config.findings import Findings
+from gateway.config.problems import Problem, in_file_order
+from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
-from gateway.config.tables import AxisTable
+from gateway.config.tables import AxisTable, find_file, read_file
 from gateway.config.toml_lines import KeyPath
+from gateway.ipc.place import ROOT_UID, why_too_long
+from gateway.state.folder import why_no_folder, why_open_to_others
+from gateway.tabfile import TableState
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.permissions import why_no_device, why_no_port
+
+
+@dataclass(frozen=True, slots=True)
+class TableReading:
+    """The table of one axis, as far as it could be had, with everything that was found on the way."""
+
+    axis: str
+    name: str
+    """Of the file, as the configuration has it."""
+    path: Path
+    """Where the file is, or would be."""
+    state: TableState | None
+    """Whether it is there; None where that cannot be told, as in a folder that cannot be read."""
+    table: AxisTable | None
+    """None where it is not there, or anything is wrong with it."""
+    findings: Findings
+
+    @property
+    def problems(self) -> Sequence[Problem]:
+        """What is wrong with it."""
+        return in_file_order(self.findings.problems, str(self.findings.document.path))
+
+    @property
+    def is_absent(self) -> bool:
+        """Whether there is certainly no such file: taken away, or switched off by its name."""
+        return self.state in {TableState.MISSING, TableState.OFF}
+
+
+# --- Whether the table of an axis goes with the other keys of the axis
 
 ROUNDING = 1e-9
 """Share of a limit by which decimal fractions and conversions may exceed it."""
@@ -215,3 +261,127 @@ def _check_the_rest(
         spec_of_table(table, settings)
     except CompensationError as error:
         findings.refuse((*path, "table"), str(error), "change the table or the settings of the axis")
+
+
+# --- Whether somebody else may change what decides where axes go: the configuration, its tables and profiles
+
+
+def check_open_files(
+    findings: Findings,
+    tables_folder: Path,
+    readings: Mapping[str, TableReading],
+    drives: Mapping[str, NamedProfile],
+    crosses: Crosses,
+) -> None:
+    """Warn of each file that every user may write to, and of each folder in which he may replace one."""
+    config = findings.document.path
+    found: dict[Path, KeyPath] = {config.parent: (), config: (), tables_folder: ("gateway", "tables")}
+    for path, key in _named(config, readings, drives, crosses):
+        found.setdefault(path, key)
+    for path, key in found.items():
+        warning = None if _is_kept_apart(path) else why_open_to_others(path, None)
+        if warning is not None:
+            findings.warn(key, warning.found, warning.remedy)
+
+
+def _named(
+    config: Path,
+    readings: Mapping[str, TableReading],
+    drives: Mapping[str, NamedProfile],
+    crosses: Crosses,
+) -> Iterator[tuple[Path, KeyPath]]:
+    for axis, reading in readings.items():
+        yield reading.path, ("axis", axis, "table")
+    for axis, each in crosses.items():
+        for index, cross in enumerate(each):
+            yield cross.path, ("axis", axis, "cross", index, "table")
+    for axis, drive in drives.items():
+        if not drive.is_shipped:
+            yield config.parent / drive.name, ("axis", axis, "drive")
+
+
+def _is_kept_apart(path: Path) -> bool:
+    """Whether it is a folder as /tmp, in which nobody may replace or remove what belongs to another user."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return True
+    return stat.S_ISDIR(mode) and bool(mode & stat.S_ISVTX)
+
+
+# --- What the user may not open: ports below 1024, serial ports of a group that he is not in
+
+
+def check_permissions(findings: Findings, sections: Sections, *, is_start: bool) -> None:
+    """Refuse what this user may not open where he is about to; where he only checks he is warned.
+
+    Root often checks what another user will run, and is told nothing of that.
+    """
+    if not is_start and os.geteuid() == ROOT_UID:
+        return
+    say = findings.refuse if is_start else findings.warn
+    for key, place in _opened(findings, sections):
+        why = why_no_device(place) if isinstance(place, SerialEndpoint) else why_no_port(place)
+        if why is not None and not findings.is_refused(key):
+            say(key, *why)
+
+
+def _opened(findings: Findings, sections: Sections) -> Iterator[tuple[KeyPath, TcpEndpoint | SerialEndpoint]]:
+    for name, line in sections.lines.items():
+        if isinstance(line.drives.endpoint, SerialEndpoint):
+            yield drives_key(name, line), line.drives.endpoint
+        for index, controller in enumerate(line.controllers):
+            key = (*controller_key(findings, name, controller.name, index), controller.way)
+            yield key, controller.endpoint
+    if sections.http.endpoint is not None:
+        yield ("http", "listen"), sections.http.endpoint
+
+
+# --- Whether the gateway can have its state folder, and its socket in it
+
+KEY: Final = ("gateway", "state")
+
+
+def check_state(findings: Findings, folder: Path) -> None:
+    """Refuse a folder that no gateway can start with; warn of one that others may write to."""
+    if findings.is_refused(KEY):
+        return
+    problem = why_too_long(folder) or why_no_folder(folder)
+    if problem is not None:
+        findings.refuse(KEY, problem.found, problem.remedy)
+        return
+    # Root often checks what another user will run, whose folder it is then.
+    uid = os.geteuid()
+    warning = why_open_to_others(folder, None if uid == ROOT_UID else frozenset((uid, ROOT_UID)))
+    if warning is not None:
+        findings.warn(KEY, warning.found, warning.remedy)
+
+
+def read_tables(findings: Findings, sections: Sections, folder: Path) -> dict[str, TableReading]:
+    """Read and check the table of every axis that names one.
+
+    What is found stays with each reading (``Findings.include`` takes it over), so that a bad file of one axis
+    need not keep the others from theirs.
+    """
+    return {
+        name: _reading(findings.part(), sections, folder, name, axis)
+        for name, axis in (sections.axes | sections.partial_axes).items()
+        if axis.table is not None
+    }
+
+
+def _reading(part: Findings, sections: Sections, folder: Path, name: str, axis: AxisSection) -> TableReading:
+    assert axis.table is not None, "only axes that name a table have a reading"
+    key = ("axis", name, "table")
+    found = find_file(part, key, folder, axis.table)
+    path = folder / axis.table if found is None else found.path
+    table: AxisTable | None = None
+    # Without its scale and units an axis cannot say what a table means; that it is there can be said.
+    if found is not None and found.state is TableState.PRESENT and name not in sections.partial_axes:
+        table = read_file(part, key, path, axis, name)
+    if table is not None:
+        check_table(part, name, axis, table)
+    is_good = not part.problems
+    return TableReading(
+        name, axis.table, path, None if found is None else found.state, table if is_good else None, part
+    )

@@ -1,19 +1,20 @@
-"""What the keys of an axis mean to each other and to the other axes; tables are looked at elsewhere."""
+"""Axes: scale, travel, corrections, groups and what others add."""
 
 from collections.abc import Mapping
 from itertools import combinations
-from typing import Final
+from typing import Any, Final
 
 from gateway.compensation.settings import BacklashKind, OutsideKind, ReversalKind, Setpoints
 from gateway.compensation.units import Units
-from gateway.config.axis_model import AxisSection, HomeApproach
-from gateway.config.check_tables import check_backlash_alone
+from gateway.config.axis_model import AxisSection, GroupSection, HomeApproach
+from gateway.config.checks.files import check_backlash_alone
 from gateway.config.explain import suggest
 from gateway.config.findings import Findings
 from gateway.config.line_model import LineSection
 from gateway.config.problems import key_text, shown
 from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
+from gateway.config.terms_model import TemperatureSource, ThermalSpec
 from gateway.config.toml_lines import KeyPath
 from gateway.drives.registers import (
     RegisterMap,
@@ -24,9 +25,12 @@ from gateway.drives.registers import (
     position_spans,
     share_register,
 )
+from gateway.drives.words import LAST_ADDRESS
 from gateway.exchange.plan import CompensationMode
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
+
+# --- What the keys of an axis mean to each other and to the other axes; tables are looked at elsewhere
 
 COUNTED_FROM: Final = (30_001, 40_001)
 """Where manuals begin to count input and holding registers, whose addresses in the frame begin at 0."""
@@ -300,3 +304,171 @@ def _check_travel_fits(
                     "check counts_per_unit, zero_counts, travel, and type and scale of the register",
                 )
                 break
+
+
+# --- Whether the axes of a group can be corrected together, or not at all
+
+
+def check_groups(findings: Findings, sections: Sections) -> None:
+    """Check every group: its axes for themselves, against each other and against other groups."""
+    tables = findings.document.tables.get("axis", {})
+    names: Mapping[str, Any] = tables if isinstance(tables, dict) else {}
+    group_of: dict[str, str] = {}
+    for name, group in sections.groups.items():
+        path = ("group", name, "axes")
+        _check_names(findings, path, group, names)
+        _check_once(findings, path, group, group_of)
+        members = {axis: sections.axes[axis] for axis in group.axes if axis in sections.axes}
+        _check_alike(findings, path, members)
+        group_of |= {axis: name for axis in group.axes if axis not in group_of}
+
+
+def _check_names(findings: Findings, path: KeyPath, group: GroupSection, names: Mapping[str, Any]) -> None:
+    for index, axis in enumerate(group.axes):
+        if axis not in names:
+            findings.refuse(
+                (*path, index), f"there is no [axis.{axis}]", suggest(axis, list(names) or ["[axis.NAME]"])
+            )
+
+
+def _check_once(findings: Findings, path: KeyPath, group: GroupSection, group_of: Mapping[str, str]) -> None:
+    for index, axis in enumerate(group.axes):
+        if axis in group_of:
+            found = f"{axis} is in [group.{group_of[axis]}] already"
+            findings.refuse((*path, index), found, "an axis belongs to one group")
+        if axis in group.axes[:index]:
+            findings.refuse((*path, index), f"{axis} stands here twice", "name each axis once")
+
+
+def _check_alike(findings: Findings, path: KeyPath, members: Mapping[str, AxisSection]) -> None:
+    """What holds for one axis of a group holds for all of them."""
+    lines = {name: f'line = "{axis.line}"' for name, axis in members.items()}
+    _check_same(findings, path, lines, "put the axes of a group on one line")
+    modes = {name: f'compensation = "{axis.compensation.value}"' for name, axis in members.items()}
+    _check_same(findings, path, modes, "write the same for all of them")
+    tables = {name: _corrected_by(axis) for name, axis in members.items()}
+    _check_same(findings, path, tables, "give each of them its table, or none")
+
+
+def _corrected_by(axis: AxisSection) -> str:
+    if axis.table is not None:
+        return "a table"
+    return "no table" if axis.backlash is None else "a backlash and no table"
+
+
+def _check_same(findings: Findings, path: KeyPath, values: Mapping[str, str], remedy: str) -> None:
+    if len(set(values.values())) > 1:
+        found = ", ".join(f"{name} has {value}" for name, value in values.items())
+        findings.refuse(path, found, f"{remedy}: they are corrected together or not at all")
+
+
+# --- Whether ``thermal`` and ``cross`` of an axis go with its other keys, and with the other axes
+
+
+def check_terms(findings: Findings, sections: Sections) -> None:
+    """Check every axis that has one of them."""
+    in_groups = {axis for group in sections.groups.values() for axis in group.axes}
+    for name, axis in (sections.axes | sections.partial_axes).items():
+        path = ("axis", name)
+        for key in ("thermal", "cross"):
+            if not getattr(axis, key):
+                continue
+            if axis.table is None:
+                findings.refuse((*path, key), f"{key} without a table", "name one; it may be all zeros")
+            if name in in_groups:
+                findings.refuse(
+                    (*path, key),
+                    f"{key} of an axis in a group",
+                    "leave it out: two drives of one beam would be told different things",
+                )
+            if axis.travel is None and not findings.is_refused((*path, "travel")):
+                findings.refuse(
+                    (*path, key), f"{key} without travel", "needed: travel, to know how far it can reach"
+                )
+        if axis.thermal is not None:
+            _check_thermal(findings, (*path, "thermal"), axis, axis.thermal)
+            _check_source(findings, (*path, "thermal", "source"), sections, axis.thermal)
+        _check_partners(findings, path, sections, name, axis)
+
+
+def _check_thermal(findings: Findings, path: KeyPath, axis: AxisSection, thermal: ThermalSpec) -> None:
+    if axis.units is Units.DEGREE or axis.modulo:
+        findings.refuse(path, "thermal of a rotary axis", "leave it out: a turn stays a turn when it is warm")
+        return
+    tilt = thermal.alpha * thermal.largest_dt
+    if not axis.max_slope + tilt < 1.0:
+        findings.refuse(
+            path,
+            f"alpha × largest_dt = {tilt:.4g} and max_slope = {axis.max_slope:g}",
+            "allowed: less than 1 together, or positions could not be turned back",
+        )
+    if axis.travel is None:
+        return
+    limit = settings_of(axis).max_correction
+    per_kelvin = thermal.alpha * max(abs(end - thermal.fixed_at) for end in axis.travel)
+    if per_kelvin * thermal.largest_dt > limit:
+        findings.warn(
+            path,
+            f"{thermal.largest_dt:g} K would add {per_kelvin * thermal.largest_dt:.4g} "
+            f"{axis.units.value}, more than max_correction = {limit:g}",
+            f"beyond {limit / per_kelvin:.4g} K, less what the table takes, it does not follow: check "
+            "fixed_at",
+        )
+
+
+def _check_source(findings: Findings, path: KeyPath, sections: Sections, thermal: ThermalSpec) -> None:
+    source = thermal.source
+    if findings.is_refused(path):
+        return
+    if (source.mqtt is None) is (source.modbus is None):
+        found = "neither mqtt nor modbus" if source.mqtt is None else "mqtt and modbus"
+        findings.refuse(path, found, "needed: one of them, where the temperature is heard")
+        return
+    if source.mqtt is not None:
+        if sections.mqtt is None and not findings.is_refused(("mqtt",)):
+            findings.refuse(
+                (*path, "mqtt"), "a topic without [mqtt]", "needed: [mqtt], which names the broker"
+            )
+        for key in sorted(source.model_fields_set - {"mqtt"}):
+            findings.refuse((*path, key), f"{key} beside mqtt", "it belongs to modbus: leave it out")
+        return
+    _check_sensor_registers(findings, path, source)
+    if source.every_s >= thermal.timeout_s:
+        findings.refuse(
+            (*path, "every_s"),
+            f"every_s = {source.every_s:g} and timeout_s = {thermal.timeout_s:g}",
+            "allowed: less than timeout_s, or the sensor would be silent between two readings",
+        )
+
+
+def _check_sensor_registers(findings: Findings, path: KeyPath, source: TemperatureSource) -> None:
+    if source.address is None:
+        findings.refuse((*path, "address"), "missing", "needed: the first register of the value")
+    elif source.address + source.type.words - 1 > LAST_ADDRESS:
+        findings.refuse(
+            (*path, "address"),
+            f"{source.type.value} at {source.address:#06x} ends beyond {LAST_ADDRESS:#06x}",
+            "check address and type",
+        )
+
+
+def _check_partners(
+    findings: Findings, path: KeyPath, sections: Sections, name: str, axis: AxisSection
+) -> None:
+    tables = findings.document.tables.get("axis", {})
+    names = list(tables) if isinstance(tables, dict) else []
+    seen: set[str] = set()
+    for index, cross in enumerate(axis.cross):
+        key = (*path, "cross", index, "axis")
+        if cross.axis == name:
+            findings.refuse(key, f"{cross.axis} itself", "its own position is what table is for")
+        elif cross.axis not in names:
+            findings.refuse(key, f"there is no [axis.{cross.axis}]", suggest(cross.axis, names))
+        elif cross.axis in seen:
+            findings.refuse(key, f"{cross.axis} stands here twice", "put both into one table")
+        elif cross.axis in sections.axes:
+            units = sections.axes[cross.axis].units
+            if (units is Units.DEGREE) is not (axis.units is Units.DEGREE):
+                found = f"{name} is in {axis.units.value} and {cross.axis} in {units.value}"
+                findings.refuse(key, found, "no table file holds angles and lengths at once")
+        seen.add(cross.axis)

@@ -1,0 +1,232 @@
+"""Motion: what frames mean, how an axis is referenced, what is late."""
+
+from typing import Final
+
+from gateway.compensation.settings import Setpoints
+from gateway.config.axis_model import AddedFrames, AxisSection, Unmapped
+from gateway.config.checks.lines import controller_key
+from gateway.config.findings import Findings
+from gateway.config.line_model import Connect, LineSection
+from gateway.config.sections import Sections
+from gateway.config.toml_lines import KeyPath
+from gateway.drives.meanings import rule_meaning
+from gateway.drives.motion import Action
+from gateway.drives.profile import motion_faults
+from gateway.drives.registers import DoneMeans, RegisterMap
+from gateway.exchange.plan import Reference, Role
+
+# --- Whether an axis can be moved the way its registers and its other keys say; profiles are looked at too
+
+RELATIVE: Final = (Action.RELATIVE, Action.RELATIVE_TO_COMMANDED, Action.RELATIVE_TO_ACTUAL)
+
+
+def check_motion(findings: Findings, sections: Sections) -> None:
+    """Check every axis whose registers are known.
+
+    An axis without a table and a backlash passes 1:1: of what concerns corrections it is not warned.
+    """
+    for name, axis in (sections.axes | sections.partial_axes).items():
+        registers = axis.registers
+        if registers is None:
+            continue
+        path = ("axis", name)
+        for fault in motion_faults(registers):
+            findings.refuse((*path, "registers", *fault.path), fault.found, fault.remedy)
+        _check_stops(findings, path, registers)
+        if axis.is_corrected:
+            _check_relative(findings, path, axis, registers)
+            _check_restaging(findings, path, axis, registers)
+            _check_stream(findings, path, axis, registers)
+            _check_arrival(findings, path, axis, registers)
+
+
+def _check_arrival(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
+    """Warn where nothing ever tells that an axis has arrived."""
+    is_near_only = registers.done_means is DoneMeans.IN_POSITION and registers.bits.done is not None
+    if axis.setpoints is Setpoints.TARGETS and is_near_only and not registers.actual:
+        findings.warn(
+            (*path, "registers", "done_means"),
+            'done_means = "in-position", and no actual position is mapped',
+            "nothing tells that the axis has arrived: the direction of its moves is assumed; map actual",
+        )
+
+
+def _check_stops(findings: Findings, path: KeyPath, registers: RegisterMap) -> None:
+    if registers.trigger and rule_meaning(registers, Action.STOP) is None:
+        findings.warn(
+            (*path, "registers", "trigger"),
+            "no value is listed that stops the axis",
+            "a stop cannot go before other requests, and withdraws none of them; list its value under stop",
+        )
+
+
+def _check_relative(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
+    """Warn where nothing tells where a relative move starts after something else than a target."""
+    key = rule_meaning(registers, *RELATIVE)
+    if key is None or axis.relative_unknown is Unmapped.PASS:
+        return
+    lack, do = _lack_of_base(axis, registers)
+    if lack:
+        findings.warn(
+            (*path, "registers", *key),
+            f"relative moves, and {lack}",
+            f"after a stop, a jog or homing they are refused until an absolute move was accepted; {do}",
+        )
+
+
+def _lack_of_base(axis: AxisSection, registers: RegisterMap) -> tuple[str, str]:
+    """Return what is missing to read where an axis stands, and what to do; empty when nothing is."""
+    if axis.added_frames is AddedFrames.NEVER:
+        return 'added_frames = "never" forbids to read where the axis stands', 'allowed for it: "auto"'
+    if not registers.safe_read:
+        return "safe_read = false forbids to read where the axis stands", "allow safe_read if the drive does"
+    reported = (*registers.commanded, *registers.actual)
+    if not reported:
+        return "neither commanded nor actual is mapped", "map one of them"
+    if not any(
+        fields and fields[0].field().is_readable for fields in (registers.commanded, registers.actual)
+    ):
+        return (
+            "no read of its own registers brings commanded or actual",
+            'map one of them without access = "write", and without block or with its own address there',
+        )
+    if registers.bits.done is None and registers.bits.moving is None:
+        return "neither bits.done nor bits.moving is mapped: nothing tells that the axis stands", "map one"
+    return "", ""
+
+
+def _check_restaging(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
+    if registers.staged and axis.added_frames is AddedFrames.NEVER:
+        findings.warn(
+            (*path, "added_frames"),
+            'added_frames = "never" with targets that wait for a trigger',
+            "a trigger is refused whenever the correction has changed since its target was written; "
+            'allow "auto"',
+        )
+
+
+def _check_stream(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
+    if axis.setpoints is not Setpoints.STREAM or not registers.staged:
+        return
+    if rule_meaning(registers, Action.FOLLOW, Action.FOLLOW_NEXT) is None:
+        findings.warn(
+            (*path, "setpoints"),
+            'setpoints = "stream", and the drive waits for a trigger after each target',
+            "every setpoint needs a trigger of its own; list under follow the value that makes the drive go "
+            'to each target as it is written, or use "targets"',
+        )
+
+
+# --- Whether the registers of an axis can show what ``referenced`` says they show
+
+_WORDS: Final = {
+    Reference.ABSOLUTE: '"absolute" (an absolute encoder)',
+    Reference.DRIVE_BIT: '"drive-bit"',
+    Reference.HOMING: '"homing"',
+    Reference.SET_POSITION: '"set-position"',
+}
+
+
+def check_references(findings: Findings, sections: Sections) -> None:
+    """Check of every axis how it is known that it knows where it is."""
+    for name, axis in (sections.axes | sections.partial_axes).items():
+        if axis.registers is None:
+            continue
+        _check_connection(findings, sections, name, axis)
+        path = ("axis", name, "referenced")
+        for lack, remedy in _lacks(axis.referenced, axis.registers):
+            found = f'referenced = "{axis.referenced.value}" {lack}'
+            findings.refuse(path, found, f"{remedy}; {_others(axis.referenced, axis.registers)}")
+        if axis.referenced is Reference.DRIVE_BIT and axis.registers.bits.homed is not None:
+            _check_reading(findings, path, axis, axis.registers)
+
+
+def _check_connection(findings: Findings, sections: Sections, name: str, axis: AxisSection) -> None:
+    """What only the gateway has seen counts no more where it does not look."""
+    line = sections.lines.get(axis.line)
+    is_on_demand = line is not None and line.connect is Connect.ON_DEMAND
+    if is_on_demand and axis.referenced in (Reference.HOMING, Reference.SET_POSITION):
+        found = (
+            f'connect = "on-demand" with axis {name}, which has referenced = "{axis.referenced.value}": '
+            "nobody would see that its drive was switched off"
+        )
+        findings.refuse(
+            ("line", axis.line, "connect"),
+            found,
+            'leave it out, or let a bit of the drive say that it is homed (referenced = "drive-bit")',
+        )
+
+
+def _lacks(way: Reference, registers: RegisterMap) -> list[tuple[str, str]]:
+    """Return what a way needs and these registers do not say, each with what to do."""
+    bits = registers.bits
+    lacks = []
+    if way is Reference.DRIVE_BIT and bits.homed is None:
+        lacks.append(("without registers.bits.homed", "name the bit that says that the drive is homed"))
+    if way is Reference.HOMING:
+        if rule_meaning(registers, Action.HOME) is None:
+            what = "and no value of registers.mode or registers.trigger homes"
+            lacks.append((what, "list the value that homes the axis under home"))
+        if bits.homed is None and bits.done is None:
+            what = "without registers.bits.homed or registers.bits.done"
+            lacks.append((what, "name the bit that tells that homing has ended"))
+    if way is Reference.SET_POSITION and not _sets_position(registers):
+        what = "and nothing in registers sets a position"
+        do = "list the value that does under set_position of a trigger, or mark an actual with set_position"
+        lacks.append((what, do))
+    return lacks
+
+
+def _sets_position(registers: RegisterMap) -> bool:
+    by_value = rule_meaning(registers, Action.SET_POSITION) is not None
+    return by_value or any(position.set_position for position in registers.actual)
+
+
+def _others(way: Reference, registers: RegisterMap) -> str:
+    can = [_WORDS[other] for other in Reference if other is not way and not _lacks(other, registers)]
+    return f"with these registers it may be {' or '.join(can)}"
+
+
+def _check_reading(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
+    if not registers.safe_read or axis.added_frames is AddedFrames.NEVER:
+        findings.warn(
+            path,
+            "the gateway may not read the homed bit itself",
+            "the axis stays uncorrected until a controller reads that register; "
+            "allow safe_read and added_frames",
+        )
+
+
+# --- What is late, and who may wait how long: keys that mean something only beside others
+
+
+def check_late(findings: Findings, sections: Sections) -> None:
+    """Check the deadlines of all axes and the waiting of all monitors."""
+    for name, axis in (sections.axes | sections.partial_axes).items():
+        path = ("axis", name)
+        if axis.late is None or axis.deadline_ms is not None or findings.is_refused((*path, "deadline_ms")):
+            continue
+        findings.refuse(
+            (*path, "late"),
+            f'late = "{axis.late.value}" without deadline_ms',
+            "give deadline_ms, the age in milliseconds at which a target is late, or leave late out",
+        )
+    for name, line in sections.lines.items():
+        _check_monitors(findings, name, line)
+
+
+def _check_monitors(findings: Findings, name: str, line: LineSection) -> None:
+    """Warn where a request of a monitor can wait until the monitor has given up on it."""
+    if all(Role.MOTION not in controller.roles_in_use for controller in line.controllers):
+        return  # nobody to wait for
+    for index, controller in enumerate(line.controllers):
+        least = controller.roles_in_use[-1]
+        if least is Role.MOTION or line.monitor_max_wait_ms < controller.timeout_ms:
+            continue
+        findings.warn(
+            (*controller_key(findings, name, controller.name, index), "timeout_ms"),
+            f"timeout_ms = {controller.timeout_ms:g} of a {least.value} that may have to wait "
+            f"monitor_max_wait_ms = {line.monitor_max_wait_ms:g} for motion",
+            f"it would give up on a busy line: set line.{name}.monitor_max_wait_ms well below "
+            f"{controller.timeout_ms:g}, or let it wait longer",
+        )

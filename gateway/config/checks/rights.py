@@ -1,0 +1,356 @@
+"""Rights: what controllers and roles of certificates may do."""
+
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from gateway.config.axis_model import AxisSection, Writers
+from gateway.config.checks.lines import controller_key
+from gateway.config.findings import Findings
+from gateway.config.line_model import ControllerSection, LineSection
+from gateway.config.named_files import is_out_of_reach
+from gateway.config.rights_model import RightsKeys
+from gateway.config.sections import Sections
+from gateway.config.toml_lines import KeyPath
+from gateway.drives.meanings import rule_meaning
+from gateway.drives.motion import Action
+from gateway.exchange.access import MONITOR_FUNCTIONS
+from gateway.exchange.plan import Role
+from gateway.files import FileRefusedError
+from gateway.modbus.pdu import BROADCAST_UNIT_ID, FunctionCode
+from gateway.transport.certificate_times import TimeProblem, list_problem, time_problem
+from gateway.transport.tls_files import TlsFileError, TlsFiles
+
+if TYPE_CHECKING:
+    from gateway.transport.certificate_facts import Facts
+
+
+# --- Whether the rights of a controller say something, and leave no half of a position to be written
+
+LISTS: Final = ("unit_ids", "function_codes", "readable", "writable")
+WRITING: Final = frozenset({0x05, 0x06, 0x0F, 0x10, 0x16, 0x17, 0x2B})
+"""Function codes that can carry a position or a trigger."""
+READING: Final = MONITOR_FUNCTIONS | {FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT}
+
+Axes = dict[str, AxisSection]
+
+
+def check_rights(findings: Findings, sections: Sections) -> None:
+    """Check the rights of every controller against its role, and against the axes of its line."""
+    for name, line in sections.lines.items():
+        axes = {axis: section for axis, section in sections.axes.items() if section.line == name}
+        for index, controller in enumerate(line.controllers):
+            for key, rights in _rights_of(controller, controller_key(findings, name, controller.name, index)):
+                _check_lists(findings, rights, key)
+                _check_role(findings, rights, key)
+                if axes:
+                    is_broadcast = BROADCAST_UNIT_ID in rights.unit_ids and line.drives.tcp is None
+                    _check_unit_ids(findings, rights, key, axes, is_broadcast=is_broadcast)
+                    _check_positions(findings, rights, key, axes)
+                    _check_moves(findings, rights, key, axes)
+        for axis, section in axes.items():
+            _check_movers(findings, name, line, axis, section)
+
+
+def _rights_of(controller: ControllerSection, key: KeyPath) -> list[tuple[KeyPath, RightsKeys]]:
+    """Return the rights of a controller, or those of each role that its certificates may have."""
+    if controller.tls is None:
+        return [(key, controller)]
+    return [((*key, "roles", name), rights) for name, rights in controller.roles.items()]
+
+
+def _check_lists(findings: Findings, rights: RightsKeys, key: KeyPath) -> None:
+    for name in LISTS:
+        is_empty = name in rights.model_fields_set and not getattr(rights, name)
+        if is_empty and not findings.is_refused((*key, name)):  # else what stood in it was refused
+            findings.refuse(
+                (*key, name),
+                "an empty list, which would allow everything",
+                "leave it out where all are allowed, or name those that are",
+            )
+
+
+def _check_role(findings: Findings, rights: RightsKeys, key: KeyPath) -> None:
+    may_not_write = rights.role is Role.MONITOR or rights.read_only
+    if rights.writable and may_not_write:
+        why = "read_only = true" if rights.read_only else f'role = "{rights.role.value}"'
+        findings.refuse(
+            (*key, "writable"),
+            f"addresses that may be written beside {why}, which may write nothing",
+            f"leave writable out, or {why} where it may write them",
+        )
+    if may_not_write and rights.function_codes and not READING & set(rights.function_codes):
+        findings.refuse(
+            (*key, "function_codes"),
+            "function codes that only write, for a controller that may only read: nothing is left",
+            "name those that it reads with, as 3 and 4, or let it write",
+        )
+
+
+def _check_unit_ids(
+    findings: Findings, rights: RightsKeys, key: KeyPath, axes: Axes, *, is_broadcast: bool
+) -> None:
+    known = {axis.unit_id for axis in axes.values()}
+    for index, unit_id in enumerate(rights.unit_ids):
+        if unit_id not in known and not (is_broadcast and unit_id == BROADCAST_UNIT_ID):
+            shown = ", ".join(map(str, sorted(known)))
+            findings.warn(
+                (*key, "unit_ids", index),
+                f"no axis of this line has unit id {unit_id}",
+                f"the axes have {shown}; leave it so if something else on the line has it",
+            )
+    left_out = sorted(known - set(rights.unit_ids))
+    if is_broadcast and left_out:
+        shown = ", ".join(map(str, left_out))
+        findings.warn(
+            (*key, "unit_ids"),
+            f"unit id 0, the broadcast, without {shown}, which it reaches too: broadcasts are refused",
+            f"name {shown} as well, or leave 0 out",
+        )
+
+
+def _check_positions(findings: Findings, rights: RightsKeys, key: KeyPath, axes: Axes) -> None:
+    """Refuse what lets a part of a position be written: nobody could tell what comes of it."""
+    for name, axis in axes.items():
+        if axis.registers is None or (rights.unit_ids and axis.unit_id not in rights.unit_ids):
+            continue
+        fields = [field for position in axis.registers.command for field in position.fields()]
+        for index, span in enumerate(rights.writable):
+            for field in fields:
+                last = field.end - 1
+                is_apart = last < span.first or span.last < field.address
+                if not is_apart and not span.first <= field.address <= last <= span.last:
+                    cut, whole = f"{span.first:04X}-0x{span.last:04X}", f"{field.address:04X}-0x{last:04X}"
+                    findings.refuse(
+                        (*key, "writable", index),
+                        f"0x{cut} holds a part of a command position of axis {name}, which is 0x{whole}",
+                        "take all of its addresses, or none",
+                    )
+
+
+def _check_moves(findings: Findings, rights: RightsKeys, key: KeyPath, axes: Axes) -> None:
+    if rights.role is not Role.MOTION or not _has_rights(rights):
+        return
+    if any(_may_move(rights, axis) for axis in axes.values()):
+        return
+    findings.warn(
+        (*key, "role"),
+        'role = "motion", and its rights let it move no axis of this line',
+        'write role = "monitor" or "operator", or allow a command position of an axis',
+    )
+
+
+def _check_movers(findings: Findings, name: str, line: LineSection, axis: str, section: AxisSection) -> None:
+    """Warn of a second controller for an axis: the first to move it holds it, and the other is refused."""
+    movers = []
+    for index, controller in enumerate(line.controllers):
+        key = controller_key(findings, name, controller.name, index)
+        rights = [each for _, each in _rights_of(controller, key)]
+        if any(each.role is Role.MOTION and _may_move(each, section) for each in rights):
+            movers.append((key, controller.name))
+    if len(movers) < 2 or section.writers is Writers.ANY:
+        return
+    findings.warn(
+        (*movers[-1][0], "role"),
+        f"{' and '.join(mover for _, mover in movers)} may each move axis {axis}: while one does, the "
+        "other is refused",
+        'give what only looks or stops role = "monitor" or "operator", or name in unit_ids what each may '
+        f'reach; where all are to move it, set axis.{axis}.writers = "any"',
+    )
+
+
+def _has_rights(rights: RightsKeys) -> bool:
+    return rights.read_only or any(getattr(rights, name) for name in LISTS)
+
+
+def _may_move(rights: RightsKeys, axis: AxisSection) -> bool:
+    if rights.read_only or (rights.unit_ids and axis.unit_id not in rights.unit_ids):
+        return False
+    if rights.function_codes and not WRITING & set(rights.function_codes):
+        return False
+    if not rights.writable or axis.registers is None:
+        return True
+    return any(
+        span.first <= field.address and field.end - 1 <= span.last
+        for span in rights.writable
+        for position in axis.registers.command
+        for field in position.fields()
+    )
+
+
+# --- Whether the controllers of a line can do what their role lets them do
+
+
+def check_roles(findings: Findings, sections: Sections) -> None:
+    """Warn of an operator on a line where nothing tells a stop from another write."""
+    with_stops = {
+        axis.line
+        for axis in (sections.axes | sections.partial_axes).values()
+        if axis.registers is not None and rule_meaning(axis.registers, Action.STOP) is not None
+    }
+    for name, line in sections.lines.items():
+        for index, controller in enumerate(line.controllers):
+            key = controller_key(findings, name, controller.name, index)
+            places = {(*key, "roles", given): each.role for given, each in controller.roles.items()}
+            for place, role in (places or {key: controller.role}).items():
+                if role is not Role.OPERATOR or name in with_stops:
+                    continue
+                findings.warn(
+                    (*place, "role"),
+                    'role = "operator", and the registers of no axis of this line list a stop',
+                    "it may only read here; list the values under stop in mode or trigger, or write "
+                    '"monitor"',
+                )
+
+
+# --- Whether Modbus/TCP Security can work: keys that belong together, and the files that they name
+
+SERVER_REMEDY: Final = "have it made for a server; pitch-gateway certificate server makes one"
+
+
+def check_tls_keys(findings: Findings) -> None:
+    """Refuse keys that have no meaning together, as they stand in the file."""
+    for path, raw in _raw_controllers(findings):
+        has_tls = "tls" in raw
+        if has_tls and "rtu" in raw:
+            findings.refuse((*path, "tls"), "tls on a serial port", "tls belongs to tcp: leave it out here")
+        if has_tls and "rtu_over_tcp" in raw:
+            findings.refuse(
+                (*path, "tls"), "tls around RTU frames", "Modbus/TCP Security is for tcp: leave it out here"
+            )
+        if "roles" in raw and not has_tls:
+            findings.refuse(
+                (*path, "roles"),
+                "roles without tls",
+                "give tls too: roles come by certificates; or write the rights of the controller itself",
+            )
+        if has_tls and not raw.get("roles"):
+            findings.refuse(
+                (*path, "tls"),
+                "tls without roles",
+                "needed: at least one [line.NAME.controllers.roles.ROLE], named as in the certificates",
+            )
+        for key in RightsKeys.model_fields if has_tls else ():
+            if key in raw:
+                findings.refuse(
+                    (*path, key),
+                    f"{key} beside tls",
+                    "move it under roles: with tls rights come by the role in the certificate",
+                )
+
+
+def check_tls_files(findings: Findings, sections: Sections, now: datetime) -> None:
+    """Refuse files that no connection could be had with; warn of what will end soon."""
+    for name, line in sections.lines.items():
+        for index, controller in enumerate(line.controllers):
+            path = (*controller_key(findings, name, controller.name, index), "tls")
+            if controller.tls is not None and not findings.is_refused(path):
+                _Check(findings, path, controller.tls.files(sections.folder), now).all()
+
+
+def _raw_controllers(findings: Findings) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
+    lines = findings.document.tables.get("line")
+    for name, line in lines.items() if isinstance(lines, dict) else ():
+        controllers = line.get("controllers") if isinstance(line, dict) else None
+        for index, controller in enumerate(controllers if isinstance(controllers, list) else ()):
+            if isinstance(controller, dict):
+                yield ("line", name, "controllers", index), controller
+
+
+class _Check:
+    """The files of one listener."""
+
+    def __init__(self, findings: Findings, path: KeyPath, files: TlsFiles, now: datetime) -> None:
+        self._findings = findings
+        self._path = path
+        self._files = files
+        self._now = now
+
+    def all(self) -> None:
+        """Look at every file for itself, then at all together."""
+        self._own()
+        self._clients()
+        if self._files.revoked:
+            self._revoked()
+        if is_out_of_reach(self._files.key):
+            self._warn(
+                "key",
+                f"{self._files.key} was not looked at: it is handed over to the service alone",
+                "start the service: it says what is wrong with it",
+            )
+            return
+        from gateway.transport.tls import server_context
+
+        try:
+            server_context(self._files)
+        except TlsFileError as error:
+            if not self._findings.is_refused((*self._path, error.key)):
+                self._refuse(error.key, error.found, error.remedy)
+
+    def _own(self) -> None:
+        facts = self._facts("certificate", self._files.certificate)
+        if not facts:
+            return
+        own = facts[0]
+        self._check_time("certificate", own)
+        self._check_strength("certificate", own)
+        if not (own.names_purpose and own.is_for_servers):
+            found = f"{self._files.certificate} is not for a server: no extended key usage serverAuth"
+            self._refuse("certificate", found, SERVER_REMEDY)
+        if not own.hosts:
+            self._warn(
+                "certificate",
+                f"{self._files.certificate} names no host (subjectAltName): controllers may refuse it",
+                "have it made with the names and addresses that controllers connect to",
+            )
+
+    def _clients(self) -> None:
+        for each in self._facts("clients", self._files.clients):
+            if not each.is_authority:
+                self._refuse(
+                    "clients",
+                    f"{self._files.clients}: {each.subject} is no authority",
+                    "give the certificate of the authority that signs those of controllers",
+                )
+            self._check_time("clients", each)
+            self._check_strength("clients", each)
+
+    def _revoked(self) -> None:
+        from gateway.transport.certificate_facts import list_ends
+
+        try:
+            _, ends = list_ends(Path(self._files.revoked))
+        except FileRefusedError as error:
+            self._refuse("revoked", f"{self._files.revoked}: {error.found}", error.remedy)
+            return
+        self._say("revoked", list_problem(self._files.revoked, ends, self._now))
+
+    def _facts(self, key: str, name: str) -> "tuple[Facts, ...]":
+        from gateway.transport.certificate_facts import read_facts
+
+        try:
+            return read_facts(Path(name))
+        except FileRefusedError as error:
+            self._refuse(key, f"{name}: {error.found}", error.remedy)
+            return ()
+
+    def _check_time(self, key: str, facts: "Facts") -> None:
+        self._say(key, time_problem(facts, self._now))
+
+    def _say(self, key: str, problem: TimeProblem | None) -> None:
+        if problem is not None:
+            say = self._warn if problem.is_good_now else self._refuse
+            say(key, problem.found, problem.remedy)
+
+    def _check_strength(self, key: str, facts: "Facts") -> None:
+        if facts.weakness:
+            self._refuse(
+                key, f"{facts.subject} has a weak key: {facts.weakness}", "have it made anew with P-256"
+            )
+
+    def _refuse(self, key: str, found: str, remedy: str) -> None:
+        self._findings.refuse((*self._path, key), found, remedy)
+
+    def _warn(self, key: str, found: str, remedy: str) -> None:
+        self._findings.warn((*self._path, key), found, remedy)
