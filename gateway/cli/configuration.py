@@ -81,7 +81,7 @@ def state_folder_or_exit(config: Path) -> Path:
 
     A gateway that runs can be commanded while its configuration is being edited.
     """
-    from gateway.config.document import read_document
+    from gateway.config.findings import read_document
     from gateway.config.problems import ConfigErrors
     from gateway.state.folder import state_folder_anyway
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from gateway.config.load import Loaded
 from gateway.config.problems import key_text
-from gateway.config.toml_lines import KeyPath
+from gateway.config.toml import KeyPath
 from gateway.ipc.service_user import why_not_for_root
 from gateway.state.folder import StateError, problem_of
 from gateway.state.plan import CompiledPlan, GatewayPlan, TablesFolder, write_plan

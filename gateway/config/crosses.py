@@ -12,7 +12,7 @@ from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
 from gateway.config.tables import find_file, table_in
 from gateway.config.terms_model import CrossSpec
-from gateway.config.toml_lines import KeyPath
+from gateway.config.toml import KeyPath
 from gateway.exchange.plan import CrossPlan
 from gateway.tabfile import FileContext, TableState
 

@@ -8,9 +8,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from gateway.config.axis_model import AxisSection
-from gateway.config.document import read_document
-from gateway.config.explain import explain
-from gateway.config.findings import Findings
+from gateway.config.findings import Findings, explain, read_document
 from gateway.config.problems import ConfigErrors
 from gateway.config.sections import Sections
 from gateway.drives import library

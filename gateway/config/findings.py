@@ -1,10 +1,142 @@
-"""The problems of one configuration, as they are collected."""
+"""A configuration file as it was read, and what is wrong with it: errors of the models in words."""
 
+import hashlib
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Final, get_args, get_origin
 
-from gateway.config.document import Document
-from gateway.config.problems import ConfigErrors, Problem, in_file_order, key_text
-from gateway.config.toml_lines import KeyPath
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from gateway.config.bounds import bounds_text
+from gateway.config.problems import ConfigErrors, Problem, in_file_order, key_text, shown
+from gateway.config.toml import GRAMMAR, KeyLines, KeyPath, in_words
+from gateway.files import FileRefusedError, read_regular_file
+from gateway.state.folder import LARGEST_CONFIGURATION
+
+# --- One configuration file as text: its tables, and the lines its keys stand on
+
+_PLACE: Final = re.compile(
+    r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)"
+)
+DEEPEST: Final = 50
+"""No key lies so deep, and what copies or compares such a document would run out of stack."""
+TOO_DEEP: Final = ("tables or arrays nested beyond reason", "write the keys that the reference lists")
+_PART: Final = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
+_DOTTED: Final = re.compile(
+    rf"(?:^|[{{,])[ \t\[]*{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST}}}", re.MULTILINE
+)
+"""A key of more parts than any has: the standard reader takes the square of their number over it."""
+_TWICE: Final = re.compile("overwrite|declare|duplicate|namespace", re.IGNORECASE)
+"""How the standard reader speaks of keys and tables that are given twice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A configuration that is TOML; what it means is not known yet."""
+
+    path: Path
+    tables: Mapping[str, Any]
+    lines: KeyLines
+    sha256: str = ""
+    """Of the bytes of the file."""
+    text: str = ""
+
+
+def read_document(path: Path, what: str = "a configuration file") -> Document:
+    """Read a TOML file; ``what`` is named where another file is needed.
+
+    Raises:
+        ConfigErrors: the file cannot be read, is no text, or is not TOML; with line and column.
+    """
+    return parse_document(path, *_read_text(path, what))
+
+
+def parse_document(path: Path, text: str, sha256: str = "") -> Document:
+    """Read the text of a TOML file that stands, or stood, at ``path``.
+
+    Raises:
+        ConfigErrors: it is not TOML; with line and column.
+    """
+    if (dotted := _DOTTED.search(text)) is not None:
+        raise _refuse(path, *TOO_DEEP, text.count("\n", 0, dotted.start()) + 1)
+    try:
+        tables = tomllib.loads(text)
+    except RecursionError:
+        raise _refuse(path, *TOO_DEEP) from None
+    except ValueError as error:
+        raise _syntax_error(path, text, error) from None
+    if (line := _too_deep_at(tables, text)) is not None:
+        raise _refuse(path, *TOO_DEEP, line)
+    return Document(path, tables, KeyLines(text), sha256, text)
+
+
+def _too_deep_at(tables: Mapping[str, Any], text: str) -> int | None:
+    """Return the first line with tables or arrays deeper than any key; None where there are none."""
+    waiting: list[tuple[object, int]] = [(tables, 0)]
+    while waiting:
+        here, depth = waiting.pop()
+        if depth > DEEPEST:
+            dots = (
+                number for number, line in enumerate(text.split("\n"), start=1) if line.count(".") > DEEPEST
+            )
+            return next(dots, 1)
+        inside = here.values() if isinstance(here, dict) else here if isinstance(here, list) else ()
+        waiting += ((each, depth + 1) for each in inside)
+    return None
+
+
+def _read_text(path: Path, what: str) -> tuple[str, str]:
+    """Return the text of a file, and the digest of its bytes."""
+    try:
+        content = read_regular_file(path, LARGEST_CONFIGURATION, what)
+    except FileRefusedError as error:
+        raise _refuse(path, error.found, error.remedy) from None
+    try:
+        # Editors on Windows put a byte order mark in front; CR LF is TOML's own.
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        found = f"byte {content[error.start]:#04x} is not UTF-8"
+        raise _refuse(path, found, "save the file as UTF-8 text", line) from None
+    return text, hashlib.sha256(content).hexdigest()
+
+
+def _syntax_error(path: Path, text: str, error: ValueError) -> ConfigErrors:
+    place = _PLACE.fullmatch(str(error))
+    if place is None:
+        return _refuse(path, f"not TOML: {error}", GRAMMAR)
+    line, column = place["line"], place["column"]
+    last_line = text.count("\n") + 1
+    what = f"{place['what'][:1].lower()}{place['what'][1:]}"
+    number = int(line) if line else last_line
+    remedy = in_words(text.split("\n")[number - 1], int(column) if column else None)
+    duplicate = KeyLines(text).duplicate
+    if duplicate is not None and _TWICE.search(what):
+        twice, first, second = duplicate
+        what = f"{what}: {key_text(twice)} is given on line {first} and again on line {second}"
+        remedy = "give every key and every table once"
+    return _refuse(
+        path,
+        f"not TOML: {what}",
+        remedy,
+        number,
+        int(column) if column else None,
+    )
+
+
+def _refuse(
+    path: Path, found: str, remedy: str, line: int | None = None, column: int | None = None
+) -> ConfigErrors:
+    return ConfigErrors([Problem(str(path), "", found, remedy, line, column)])
+
+
+# --- The problems of one configuration, as they are collected
 
 
 @dataclass(slots=True)
@@ -67,3 +199,140 @@ class Findings:
         shown = next((other for key, other in self._lines_of.items() if path[: len(key)] == key), path)
         line = self.document.lines.of(shown)
         return Problem(str(self.document.path), key_text(path), found, remedy, line)
+
+
+# --- What a schema error means to the person who wrote the file
+
+UNKNOWN_KEY: Final = "unknown key"
+_ALLOWED: Final[Mapping[str, str]] = {
+    "bool_type": "true or false",
+    "dict_type": "a table",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "int_from_float": "a whole number",
+    "int_type": "a whole number",
+    "model_attributes_type": "a table",
+    "model_type": "a table",
+    "string_type": "a text in quotes",
+    "tuple_type": "a list in [ ]",
+}
+_OUT_OF_BOUNDS: Final = frozenset({"greater_than", "greater_than_equal", "less_than", "less_than_equal"})
+_WITH_CONTEXT: Final[Mapping[str, str]] = {
+    "too_short": "at least {min_length} of them",
+    "too_long": "{max_length} of them",
+    "string_too_short": "a text of at least {min_length} character",
+    "string_pattern_mismatch": "a text that matches {pattern}",
+    "enum": "{expected}",
+}
+
+
+def explain(
+    findings: Findings, root: type[BaseModel], raw: object, base: KeyPath, error: ValidationError
+) -> None:
+    """Turn every schema error of one section into a problem of the file."""
+    seen: set[tuple[KeyPath, str]] = set()
+    for detail in error.errors(include_url=False):
+        if _is_aftermath(detail):
+            continue
+        path = base + existing(raw, detail)
+        found, remedy = _words(root, detail)
+        if (path, remedy) not in seen:
+            seen.add((path, remedy))
+            findings.refuse(path, found, remedy)
+
+
+def existing(raw: object, detail: ErrorDetails) -> KeyPath:
+    """Return the place of an error as far as it exists in the file; a missing key still counts."""
+    place = detail["loc"]
+    here = raw
+    for depth, part in enumerate(place):
+        try:
+            here = here[part]  # type: ignore[index]
+        except (TypeError, KeyError, IndexError):
+            is_missing_key = detail["type"] == "missing" and depth == len(place) - 1 and isinstance(part, str)
+            return place[: depth + 1] if is_missing_key else place[:depth]
+    return place
+
+
+def _is_aftermath(detail: ErrorDetails) -> bool:
+    """A list whose elements were refused counts as too short; that says nothing new."""
+    found = detail["input"]
+    return (
+        detail["type"] == "too_short"
+        and isinstance(found, list)
+        and len(found) >= detail["ctx"]["min_length"]
+    )
+
+
+def _words(root: type[BaseModel], detail: ErrorDetails) -> tuple[str, str]:
+    kind = detail["type"]
+    place = detail["loc"]
+    if kind == "missing" and isinstance(place[-1], str):
+        return "missing", f"needed: {_description(root, place)}"
+    if kind == "missing":
+        return f"found {shown(detail['input'])}", f"allowed: a list of {int(place[-1]) + 1} or more"
+    if kind == "extra_forbidden":
+        return UNKNOWN_KEY, suggest(str(place[-1]), keys_at(root, place[:-1]))
+    found = f"found {shown(detail['input'])}"
+    if kind == "value_error":
+        return found, str(detail["ctx"]["error"])
+    if kind in _OUT_OF_BOUNDS:
+        field = _field_at(root, place)
+        return found, f"allowed: {bounds_text(field) if field is not None else detail['msg']}"
+    if kind in _WITH_CONTEXT:
+        return found, "allowed: " + _WITH_CONTEXT[kind].format(**detail["ctx"]).replace("'", '"')
+    return found, "allowed: " + _ALLOWED.get(kind, detail["msg"])
+
+
+def suggest(unknown: str, known: Sequence[str]) -> str:
+    """Say what an unknown key was probably meant to be, or what may stand there.
+
+    >>> suggest("counts_per_units", ["counts_per_unit", "units"])
+    'did you mean counts_per_unit?'
+    """
+    near = get_close_matches(unknown.lower(), known, n=1, cutoff=0.6)
+    return f"did you mean {near[0]}?" if near else f"allowed: {', '.join(known)}"
+
+
+def keys_at(root: type[BaseModel], place: KeyPath) -> list[str]:
+    """Return the keys that may stand in the table at ``place`` of a section."""
+    model = _model_at(root, place)
+    return list(model.model_fields) if model is not None else []
+
+
+def _description(root: type[BaseModel], place: KeyPath) -> str:
+    field = _field_at(root, place)
+    return (field.description or "") if field is not None else ""
+
+
+def _field_at(root: type[BaseModel], place: KeyPath) -> FieldInfo | None:
+    names = [part for part in place if isinstance(part, str)]
+    model = _model_at(root, tuple(names[:-1]))
+    return model.model_fields.get(names[-1]) if model is not None and names else None
+
+
+def _model_at(root: type[BaseModel], place: KeyPath) -> type[BaseModel] | None:
+    model = root
+    names_follow = False
+    for part in place:
+        if isinstance(part, int):
+            continue
+        if names_follow:  # a name that the file chose; the keys of its table come next
+            names_follow = False
+            continue
+        if part not in model.model_fields:
+            return None
+        inside = next(models_in(model.model_fields[part].annotation), None)
+        if inside is None:
+            return None
+        names_follow = get_origin(model.model_fields[part].annotation) is dict
+        model = inside
+    return model
+
+
+def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the models that a field's type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from models_in(part)

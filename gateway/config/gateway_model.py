@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from gateway.catalogue.events import EVENTS
-from gateway.config.explain import suggest
+from gateway.config.findings import suggest
 from gateway.config.values import Name
 from gateway.drives.strict import ListOf, StrictModel, documented
 from gateway.state.folder import DEFAULT_STATE

@@ -26,14 +26,13 @@ from gateway.config.checks.motion import check_late, check_motion, check_referen
 from gateway.config.checks.rights import check_rights, check_roles, check_tls_files, check_tls_keys
 from gateway.config.checks.services import check_http, check_http_files, check_mqtt
 from gateway.config.crosses import Crosses, read_crosses
-from gateway.config.document import Document, read_document
 from gateway.config.drive_files import NamedProfile, fit_drives
-from gateway.config.findings import Findings
+from gateway.config.findings import Document, Findings, read_document
 from gateway.config.newer_release import with_newer_release
 from gateway.config.problems import ConfigErrors, Problem, in_file_order
 from gateway.config.sections import Sections, read_sections
 from gateway.config.tables import AxisTable
-from gateway.config.toml_lines import KeyLines
+from gateway.config.toml import KeyLines
 from gateway.state.plan import GatewayPlan, TablesFolder
 from gateway.transport.certificates import now_utc
 

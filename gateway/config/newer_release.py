@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from gateway.config.document import Document
-from gateway.config.explain import UNKNOWN_KEY
+from gateway.config.findings import UNKNOWN_KEY, Document
 from gateway.config.problems import ConfigErrors, Problem
 from gateway.state.folder import DEFAULT_STATE
 from gateway.state.plan import newer_release

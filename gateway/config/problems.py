@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.config.toml_lines import KeyPath
+from gateway.config.toml import KeyPath
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,15 +9,14 @@ from typing import Any, Final, TypeVar
 from pydantic import ValidationError
 
 from gateway.config.axis_model import AxisSection, GroupSection
-from gateway.config.explain import UNKNOWN_KEY, existing, explain, suggest
-from gateway.config.findings import Findings
+from gateway.config.findings import UNKNOWN_KEY, Findings, existing, explain, suggest
 from gateway.config.gateway_model import CaptureSection, GatewaySection, StatusUnitSection
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
 from gateway.config.mqtt_model import MqttSection
 from gateway.config.problems import shown
 from gateway.config.relay_model import RelaySection
-from gateway.config.toml_lines import KeyPath
+from gateway.config.toml import KeyPath
 from gateway.config.values import read_name
 from gateway.drives.strict import StrictModel
 

@@ -10,7 +10,7 @@ from gateway.config.axis_model import AxisSection
 from gateway.config.findings import Findings
 from gateway.config.problems import Problem, key_text
 from gateway.config.settings_of import settings_of
-from gateway.config.toml_lines import KeyPath
+from gateway.config.toml import KeyPath
 from gateway.tabfile import (
     DIALECTS,
     FileContext,

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.config.compile import compile_into_state, keys_of, sources_of
-from gateway.config.document import parse_document, read_document
+from gateway.config.findings import parse_document, read_document
 from gateway.config.last_good import Settled, Source, settle
 from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem

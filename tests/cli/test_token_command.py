@@ -3,7 +3,7 @@
 import stat
 from pathlib import Path
 
-from gateway.config.http_files import read_token
+from gateway.config.files import read_token
 from tests.commands import typed
 
 

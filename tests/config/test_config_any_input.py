@@ -12,7 +12,7 @@ from gateway.config.axis_model import AxisSection
 from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSection
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
-from gateway.config.toml_lines import KeyLines
+from gateway.config.toml import KeyLines
 from gateway.drives.registers import PositionSpec, RegisterMap
 from tests.config.config_bench import GOOD, written
 

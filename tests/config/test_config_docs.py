@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from gateway.config.explain import models_in
+from gateway.config.findings import models_in
 from gateway.config.load import load
 from gateway.config.sections import NAMED, SINGLE
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from gateway.config.http_files import read_token
+from gateway.config.files import read_token
 from gateway.config.load import load
 from tests.certificates import Shop, authority, signed_by
 from tests.config.config_bench import GOOD, loaded, only, refused, written

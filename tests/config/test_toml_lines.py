@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.config.toml_lines import KeyLines, KeyPath
+from gateway.config.toml import KeyLines, KeyPath
 
 TEXT = '''\
 # a comment with [brackets] and key = 1

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from gateway.catalogue.events import EVENTS
 from gateway.catalogue.troubles import TROUBLES
-from gateway.config.explain import models_in
+from gateway.config.findings import models_in
 from gateway.config.reference import TABLES, KeyTable, kind_text, rows
 from gateway.config.sections import NAMED, SINGLE
 from tools.docs import PARTS, documents, part

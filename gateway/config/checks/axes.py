@@ -8,14 +8,13 @@ from gateway.compensation.settings import BacklashKind, OutsideKind, ReversalKin
 from gateway.compensation.units import Units
 from gateway.config.axis_model import AxisSection, GroupSection, HomeApproach
 from gateway.config.checks.files import check_backlash_alone
-from gateway.config.explain import suggest
-from gateway.config.findings import Findings
+from gateway.config.findings import Findings, suggest
 from gateway.config.line_model import LineSection
 from gateway.config.problems import key_text, shown
 from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
 from gateway.config.terms_model import TemperatureSource, ThermalSpec
-from gateway.config.toml_lines import KeyPath
+from gateway.config.toml import KeyPath
 from gateway.drives.registers import (
     RegisterMap,
     Span,

@@ -22,7 +22,7 @@ from gateway.config.problems import Problem, in_file_order
 from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
 from gateway.config.tables import AxisTable, find_file, read_file
-from gateway.config.toml_lines import KeyPath
+from gateway.config.toml import KeyPath
 from gateway.ipc.place import ROOT_UID, why_too_long
 from gateway.state.folder import why_no_folder, why_open_to_others
 from gateway.tabfile import TableState

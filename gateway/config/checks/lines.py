@@ -10,15 +10,14 @@ from typing import Final, TypeGuard
 from gateway.budget.verdict import Grade, Judgement, judge
 from gateway.config.axis_model import AxisSection
 from gateway.config.build import line_plan
-from gateway.config.document import read_document
 from gateway.config.drive_files import NamedProfile
-from gateway.config.findings import Findings
+from gateway.config.findings import Findings, read_document
 from gateway.config.gateway_model import StatusUnitSection
 from gateway.config.line_model import Connect, ControllerSection, DrivesEndpoint, LineSection, broken_rule
 from gateway.config.problems import key_text, shown
 from gateway.config.sections import Sections
 from gateway.config.tables import AxisTable
-from gateway.config.toml_lines import KeyPath
+from gateway.config.toml import KeyPath
 from gateway.drives.profile import Transport
 from gateway.exchange.plan import Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint

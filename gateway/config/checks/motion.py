@@ -8,7 +8,7 @@ from gateway.config.checks.lines import controller_key
 from gateway.config.findings import Findings
 from gateway.config.line_model import Connect, LineSection
 from gateway.config.sections import Sections
-from gateway.config.toml_lines import KeyPath
+from gateway.config.toml import KeyPath
 from gateway.drives.meanings import rule_meaning
 from gateway.drives.motion import Action
 from gateway.drives.profile import motion_faults

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gateway.config.axis_model import AxisSection, Writers
 from gateway.config.checks.lines import controller_key
+from gateway.config.files import is_out_of_reach
 from gateway.config.findings import Findings
 from gateway.config.line_model import ControllerSection, LineSection
-from gateway.config.named_files import is_out_of_reach
 from gateway.config.rights_model import RightsKeys
 from gateway.config.sections import Sections
-from gateway.config.toml_lines import KeyPath
+from gateway.config.toml import KeyPath
 from gateway.drives.meanings import rule_meaning
 from gateway.drives.motion import Action
 from gateway.exchange.access import MONITOR_FUNCTIONS

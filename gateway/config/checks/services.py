@@ -6,15 +6,25 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Final
 
-from gateway.config.certificate_times import warn_of_list, warn_of_times
 from gateway.config.checks.lines import WILDCARDS, controller_key, is_ipv6_alone, is_loopback, is_same
+from gateway.config.files import (
+    PASSWORD_KEY,
+    TLS_KEY,
+    NamedFileError,
+    is_out_of_reach,
+    path_of,
+    read_password,
+    read_token,
+    server_context,
+    tls_context,
+    warn_of_list,
+    warn_of_times,
+    warn_out_of_reach,
+)
 from gateway.config.findings import Findings
-from gateway.config.http_files import TLS_KEY, read_token, server_context
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
-from gateway.config.mqtt_files import PASSWORD_KEY, read_password, tls_context
 from gateway.config.mqtt_model import MqttSection, TlsSection
-from gateway.config.named_files import NamedFileError, is_out_of_reach, path_of, warn_out_of_reach
 from gateway.config.problems import key_text
 from gateway.transport.endpoints import TcpEndpoint
 

@@ -15,8 +15,8 @@ from gateway.backoff import Backoff
 from gateway.catalogue.publishing_events import HTTP_NOT_OPEN, HTTP_READY, HTTP_REFUSED, TOKEN_UNUSABLE
 from gateway.catalogue.tls_events import CERTIFICATES_RENEWED
 from gateway.config.checks.lines import is_loopback
+from gateway.config.files import NamedFileError
 from gateway.config.http_model import HttpSection
-from gateway.config.named_files import NamedFileError
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketError, SocketPlace
 from gateway.supervisor.http.access import LOOK_S, Access
 from gateway.supervisor.http.application import ASKING_PATHS, LOCAL_PATHS, PATHS, Served

@@ -8,9 +8,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
-from gateway.config.http_files import read_token
+from gateway.config.files import NamedFileError, path_of, read_token
 from gateway.config.http_model import TokenSection
-from gateway.config.named_files import NamedFileError, path_of
 
 SETTLED_NS: Final = 2_000_000_000
 """A file that was written later than so long ago is read each time: two saves can have one time."""

@@ -4,9 +4,8 @@ import ssl
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.config.http_files import TLS_KEY, server_context
+from gateway.config.files import TLS_KEY, NamedFileError, path_of, server_context
 from gateway.config.http_model import HttpSection, HttpTlsSection, TokenSection
-from gateway.config.named_files import NamedFileError, path_of
 from gateway.transport.certificate_ends import Held, read_held
 from gateway.transport.endpoints import TcpEndpoint
 

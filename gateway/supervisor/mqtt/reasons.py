@@ -8,8 +8,8 @@ from typing import Final
 import aiomqtt
 from paho.mqtt.reasoncodes import ReasonCode
 
+from gateway.config.files import NamedFileError
 from gateway.config.mqtt_model import MqttVersion
-from gateway.config.named_files import NamedFileError
 from gateway.supervisor.mqtt.settings import Settings
 
 TIMED_OUT: Final = "Operation timed out"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from gateway.config.mqtt_files import read_password, tls_context
+from gateway.config.files import read_password, tls_context
 from gateway.config.mqtt_model import MqttSection, MqttVersion, TlsSection
 from gateway.supervisor.mqtt.topics import Topics
 

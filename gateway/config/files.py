@@ -1,0 +1,288 @@
+"""Files that a configuration names: passwords, tokens and certificates."""
+
+import os
+import re
+import ssl
+from datetime import datetime
+from pathlib import Path
+from typing import Final
+
+from gateway.config.findings import Findings
+from gateway.config.http_model import HttpTlsSection
+from gateway.config.mqtt_model import TlsSection
+from gateway.config.problems import key_text
+from gateway.config.toml import KeyPath
+from gateway.files import FileRefusedError, read_regular_file
+from gateway.secret_files import (
+    CREDENTIAL,
+    CREDENTIALS_FOLDER,
+    is_credential_name,
+    refuse_open_to_others,
+    secret_path,
+)
+from gateway.transport.certificate_times import list_problem, time_problem
+from gateway.transport.tls import CIPHERS, load_revoked, reason_of
+from gateway.transport.tls_files import LARGEST_FILE, TlsFileError
+
+# --- Files that a configuration names beside its tables: secrets and certificates
+
+LARGEST_SECRET: Final = 4096
+
+
+class NamedFileError(Exception):
+    """A file that cannot be used: the key that names it, what was found and what to do; never its content."""
+
+    def __init__(self, key: KeyPath, found: str, remedy: str) -> None:
+        super().__init__(f"{key_text(key)}: {found}; {remedy}")
+        self.key = key
+        self.found = found
+        self.remedy = remedy
+
+
+def is_out_of_reach(name: str) -> bool:
+    """Whether a file is a credential that this process was not given: only a service that was can look.
+
+    A name that no credential can have is not: it is refused everywhere.
+    """
+    if not name.startswith(CREDENTIAL) or not is_credential_name(name):
+        return False
+    handed_over = os.environ.get(CREDENTIALS_FOLDER)
+    if not handed_over:
+        return True
+    try:
+        (Path(handed_over) / name.removeprefix(CREDENTIAL)).stat()
+    except FileNotFoundError:
+        return True
+    except OSError:
+        pass  # handed over, and what is wrong with it is said when it is read
+    return False
+
+
+def warn_out_of_reach(findings: Findings, key: KeyPath, name: str) -> None:
+    """Say that a credential was not looked at."""
+    findings.warn(
+        key,
+        f"{name} was not looked at: only the service that is given it can",
+        f"give it with LoadCredential={name.removeprefix(CREDENTIAL)}:PATH in the unit of the supervisor",
+    )
+
+
+def path_of(key: KeyPath, name: str, folder: Path) -> Path:
+    """Return the path of a file that the key at ``key`` names, relative to ``folder`` or a credential.
+
+    Raises:
+        NamedFileError: a credential that was not handed over.
+    """
+    try:
+        return secret_path(name, folder)
+    except FileRefusedError as error:
+        raise NamedFileError(key, error.found, error.remedy) from None
+
+
+def read_secret_line(key: KeyPath, name: str, folder: Path, what: str) -> str:
+    """Return the one line that a secret's file holds; the end of the line does not count.
+
+    Raises:
+        NamedFileError: it cannot be read, every user may read it, or it holds anything else.
+    """
+    path = path_of(key, name, folder)
+    try:
+        refuse_open_to_others(path)
+        content = read_regular_file(path, LARGEST_SECRET, f"a file with the {what}")
+    except FileRefusedError as error:
+        raise NamedFileError(key, f"{path}: {error.found}", error.remedy) from None
+    try:
+        secret = content.decode().rstrip("\r\n")
+    except UnicodeDecodeError:
+        raise NamedFileError(key, f"{path}: not UTF-8", "save it as UTF-8 text") from None
+    if not secret or any(character in secret for character in "\r\n\0"):
+        found = "empty" if not secret else "more than one line"
+        remedy = f"write the {what} into it, on one line, and nothing else"
+        raise NamedFileError(key, f"{path}: {found}", remedy)
+    return secret
+
+
+def certificates_path(key: KeyPath, name: str, folder: Path) -> Path:
+    """Return the path of a file in PEM that can be read.
+
+    Raises:
+        NamedFileError: it cannot.
+    """
+    path = path_of(key, name, folder)
+    try:
+        read_regular_file(path, LARGEST_FILE, "a file in PEM")
+    except FileRefusedError as error:
+        raise NamedFileError(key, f"{path}: {error.found}", error.remedy) from None
+    return path
+
+
+def key_path(key: KeyPath, name: str, folder: Path) -> Path:
+    """Return the path of a private key that can be read, and not by every user.
+
+    Raises:
+        NamedFileError: it is missing, no regular file, or every user may read it.
+    """
+    path = certificates_path(key, name, folder)
+    try:
+        refuse_open_to_others(path)
+    except FileRefusedError as error:
+        raise NamedFileError(key, f"{path}: {error.found}", error.remedy) from None
+    return path
+
+
+def load_pair(context: ssl.SSLContext, key: KeyPath, names: tuple[str, str], folder: Path) -> None:
+    """Have a context show a certificate; ``names`` are those of it and of its key, ``key`` names the first.
+
+    Raises:
+        NamedFileError: one of them cannot be read, every user may read the key, or they do not belong
+            together.
+    """
+    certificate = certificates_path(key, names[0], folder)
+    private_key = key_path((*key[:-1], "key"), names[1], folder)
+    try:
+        # OpenSSL would ask a terminal for the password of an encrypted key.
+        context.load_cert_chain(certificate, private_key, password=lambda: "")
+    except (ssl.SSLError, OSError) as error:
+        raise NamedFileError(
+            key,
+            f"{names[0]} and {names[1]} cannot be used together ({reason_of(error)})",
+            "give a certificate and its own key, both in PEM, the key not encrypted",
+        ) from None
+
+
+def no_certificates(key: KeyPath, name: str, error: OSError) -> NamedFileError:
+    """Return what is said of a file of authorities that OpenSSL does not take."""
+    found = f"{name}: no certificates ({reason_of(error)})"
+    return NamedFileError(key, found, "give a file with certificates in PEM")
+
+
+# --- The files that ``[http]`` names: tokens, a certificate with its key, authorities of clients
+
+SHORTEST_TOKEN: Final = 32
+FEWEST_CHARACTERS: Final = 8
+"""Different ones. Of 32 random hexadecimal digits there are 14 as a rule, and hardly ever fewer than 9; a
+letter that was held down has one."""
+_TOKEN: Final = re.compile(rf"[A-Za-z0-9._~+/=-]{{{SHORTEST_TOKEN},512}}")
+TLS_KEY: Final = ("http", "tls")
+
+
+def read_token(key: KeyPath, name: str, folder: Path) -> str:
+    """Return the token that is all a file holds.
+
+    Raises:
+        NamedFileError: it cannot be read, every user may read it, or nobody would call that random.
+    """
+    token = read_secret_line(key, name, folder, "token")
+    if not _TOKEN.fullmatch(token) or len(set(token)) < FEWEST_CHARACTERS:
+        raise NamedFileError(
+            key,
+            f"{name} holds no {SHORTEST_TOKEN} random characters or more (A-Z a-z 0-9 . _ ~ + / = -)",
+            f"make one with pitch-gateway token {path_of(key, name, folder)} --force",
+        )
+    return token
+
+
+def server_context(tls: HttpTlsSection, folder: Path, *, needs_client: bool) -> ssl.SSLContext:
+    """Return what the page needs to speak TLS. Reads files: it may block.
+
+    ``needs_client``: whoever has no certificate is not even answered.
+
+    Raises:
+        NamedFileError: a file is missing, is something else, every user may read the key, or it is not that
+            of the certificate.
+    """
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    context.set_ciphers(CIPHERS)
+    # Without tickets: who is let in is decided anew each time, and a certificate may have ended since.
+    context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION | ssl.OP_NO_TICKET
+    context.num_tickets = 0
+    load_pair(context, (*TLS_KEY, "certificate"), (tls.certificate, tls.key), folder)
+    if tls.clients is not None:
+        _trust(context, certificates_path((*TLS_KEY, "clients"), tls.clients, folder), tls.clients)
+        context.verify_mode = ssl.CERT_REQUIRED if needs_client else ssl.CERT_OPTIONAL
+    if tls.revoked is not None:
+        _turn_away(context, certificates_path((*TLS_KEY, "revoked"), tls.revoked, folder))
+    return context
+
+
+def _trust(context: ssl.SSLContext, authorities: Path, name: str) -> None:
+    try:
+        context.load_verify_locations(os.fspath(authorities))
+    except (ssl.SSLError, OSError) as error:
+        raise no_certificates((*TLS_KEY, "clients"), name, error) from None
+
+
+def _turn_away(context: ssl.SSLContext, revoked: Path) -> None:
+    try:
+        load_revoked(context, revoked)
+    except TlsFileError as error:
+        raise NamedFileError((*TLS_KEY, "revoked"), error.found, error.remedy) from None
+
+
+# --- The files that ``[mqtt]`` names: a password, certificates, a key
+
+PASSWORD_KEY = ("mqtt", "password_file")
+
+
+def read_password(name: str, folder: Path) -> str:
+    """Return the password that is all a file holds; the end of its line does not count.
+
+    Raises:
+        NamedFileError: it cannot be read, every user may read it, or it holds anything else.
+    """
+    return read_secret_line(PASSWORD_KEY, name, folder, "password")
+
+
+def tls_context(tls: TlsSection, folder: Path) -> ssl.SSLContext:
+    """Return what a client needs to trust a broker, and to be trusted. Reads files: it may block.
+
+    Raises:
+        NamedFileError: a file is missing, is something else, every user may read the key, or it is not that
+            of the certificate.
+    """
+    key = ("mqtt", "tls")
+    # Without a name of our own the system's authorities hold; a file that is named replaces them.
+    authorities = None if tls.ca is None else certificates_path((*key, "ca"), tls.ca, folder)
+    try:
+        context = ssl.create_default_context(cafile=None if authorities is None else os.fspath(authorities))
+    except (ssl.SSLError, OSError) as error:
+        raise no_certificates((*key, "ca"), str(tls.ca), error) from None
+    if tls.cert is not None and tls.key is not None:
+        load_pair(context, (*key, "cert"), (tls.cert, tls.key), folder)
+    return context
+
+
+# --- What a check says of files of certificates that are not good, or not for long
+
+
+def warn_of_times(findings: Findings, key: KeyPath, path: Path, now: datetime) -> None:
+    """Warn of every certificate of a file that OpenSSL has taken and that is not, or not for long, good.
+
+    No more than that: whoever looks is turned away by such a page or broker, but axes go on to be corrected.
+    """
+    from gateway.transport.certificate_facts import read_facts
+
+    try:
+        certificates = read_facts(path)
+    except FileRefusedError as error:
+        findings.warn(key, f"{path}: until when it is good could not be read ({error.found})", error.remedy)
+        return
+    for facts in certificates:
+        problem = time_problem(facts, now)
+        if problem is not None:
+            findings.warn(key, problem.found, problem.remedy)
+
+
+def warn_of_list(findings: Findings, key: KeyPath, path: Path, now: datetime) -> None:
+    """Warn of a list of revoked certificates that has run out, or soon will: nobody comes in then."""
+    from gateway.transport.certificate_facts import list_ends
+
+    try:
+        _, ends = list_ends(path)
+    except FileRefusedError as error:
+        findings.warn(key, f"{path}: until when it is good could not be read ({error.found})", error.remedy)
+        return
+    problem = list_problem(str(path), ends, now)
+    if problem is not None:
+        findings.warn(key, problem.found, problem.remedy)
