@@ -173,22 +173,8 @@ class Told:
         Raises:
             ContextError: something of it cannot be true.
         """
-        return FileContext(
-            axis=self.axis,
-            units=self.units,
-            travel=self.travel,
-            file_counts_per_unit=self.file_counts_per_unit,
-            v1_layout=self.v1_layout,
-            file_start=self.file_start,
-            increment=self.increment,
-            file_home=self.file_home,
-            counts_per_unit=counts_per_unit,
-            format=self.format,
-            file_axis=self.file_axis,
-            fagor_sense=self.fagor_sense,
-            isg_sense=self.isg_sense,
-            error_sense=self.error_sense,
-        )
+        told = {each.name: getattr(self, each.name) for each in fields_of(self)}
+        return FileContext(**told, counts_per_unit=counts_per_unit)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.config.axis_model import AxisSection
+from gateway.config.axis_model import AxisSection, TableOptions
 from gateway.config.findings import Findings
 from gateway.config.problems import Problem, key_text
 from gateway.config.settings_of import settings_of
@@ -136,22 +136,13 @@ def _letter(name: str) -> str | None:
 
 def context_of(axis: AxisSection, name: str) -> FileContext:
     """Return what the configuration knows about a table file that the file does not say itself."""
-    options, settings = axis.table_options, settings_of(axis)
+    settings = settings_of(axis)
+    told = {option: getattr(axis.table_options, option) for option in TableOptions.model_fields}
     return FileContext(
+        **told,
         axis=_letter(name),
         units=axis.units,
         travel=None if axis.modulo else axis.travel,
-        file_counts_per_unit=options.file_counts_per_unit,
-        v1_layout=options.v1_layout,
-        file_start=options.file_start,
-        increment=options.increment,
-        file_home=options.file_home,
-        format=options.format,
-        file_units=options.file_units,
-        file_axis=options.file_axis,
-        fagor_sense=options.fagor_sense,
-        isg_sense=options.isg_sense,
-        error_sense=options.error_sense,
         counts_per_unit=axis.counts_per_unit / settings.step_counts,  # what the drive can tell
         max_correction=settings.max_correction,
         max_slope=axis.max_slope,
