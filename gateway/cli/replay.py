@@ -73,7 +73,8 @@ def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) 
     from gateway.cli.recordings import for_any_writer, plan_of
     from gateway.recording.readable import Reader
     from gateway.recording.replay import Replay, ReplayError
-    from gateway.recording.traffic import WITHOUT_PEERS, End, Header, Port
+    from gateway.recording.traffic import CAPTURED, WITHOUT_PEERS, End, Header, Port
+    from gateway.state.plan import as_started
 
     entries = _entries(file)
     first = next(entries, None)
@@ -82,8 +83,11 @@ def _replayed(file: Path, config: Path | None, line: str | None, *, show: bool) 
     plan = plan_of(first[1]) if config is None else load_or_exit(config).plan
     if first[1].format == WITHOUT_PEERS:
         plan = for_any_writer(plan)
+    if first[1].format == CAPTURED:
+        plan = as_started(plan)  # the records of its axes name these tables
     reader = Reader(plan)
     again = Replay(plan, line, _show_event if show else None)
+    again.feed(*first)
     for number, entry in entries:
         different = again.result.different
         is_ours = again.feed(number, entry)
@@ -140,7 +144,8 @@ def _report(file: Path, result: "ReplayResult", *, as_json: bool) -> None:
     if result.is_cut_off:
         typer.echo(f"warning: {file} was cut off: it is replayed as far as it goes", err=True)
     if result.before:
-        typer.echo(f"{result.before} entries of {file} are from before what is known: not compared", err=True)
+        entries = "1 entry" if result.before == 1 else f"{result.before} entries"
+        typer.echo(f"{file}: {entries} from before what is known: not compared", err=True)
     if not result.different:
         typer.echo(f"{result.inputs} inputs, {result.outputs} outputs: all as recorded")
         return

@@ -1,1 +1,1 @@
-"""What the processes share: socket, messages, recordings."""
+"""What the processes share: socket, messages, notes."""

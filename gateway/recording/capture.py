@@ -58,7 +58,11 @@ class _Line:
     def _entries(self, raws: Iterable[Raw]) -> Iterator[Timed]:
         for raw in raws:
             if raw.kind == TEXT:
-                entry = traffic.decode(raw.data)
+                try:
+                    entry = traffic.decode(raw.data)
+                except traffic.WrongEntryError as error:
+                    of_another = "command and gateway have to be of the same release"
+                    raise NoCaptureError(f"{error}; {of_another}") from None
                 if isinstance(entry, traffic.Port):
                     self._ports[entry.port] = entry.controller, entry.peer, entry.role
                 else:

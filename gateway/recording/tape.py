@@ -16,7 +16,9 @@ from typing import Final, NamedTuple
 
 from librt.strings import BytesWriter, write_i32_le, write_i64_le
 
-MAGIC: Final = b"pgtape1\n"
+MAGIC: Final = b"pgtape2\n"
+BEFORE: Final = b"pgtape1\n"
+"""Of 1.0.0, whose entries of commands are others; they are read all the same (``recording.traffic``)."""
 PAGE: Final = 4096
 SEGMENTS: Final = 8
 _WHOLE: Final = Struct("<8sQqq")
@@ -145,7 +147,7 @@ class Look:
             raise NoTapeError(f"memory of {size} bytes is no tape")
         self._map = mmap.mmap(descriptor, size, flags=mmap.MAP_SHARED, prot=mmap.PROT_READ)
         magic, self._segment_size, self._ns, self._wall_ns = _WHOLE.unpack_from(self._map)
-        if magic != MAGIC or size != PAGE + SEGMENTS * self._segment_size:
+        if magic not in (MAGIC, BEFORE) or size != PAGE + SEGMENTS * self._segment_size:
             self._map.close()
             raise NoTapeError("it is no tape of this release: command and gateway have to be of the same")
         self._number = self._read = 0

@@ -4,7 +4,7 @@ A header comes first, an end last; a file without an end was cut off. In between
 monotonic time in nanoseconds, and behind each input the outputs that it caused. Bytes are hexadecimal.
 """
 
-from typing import Final
+from typing import Annotated, Final
 
 import msgspec
 
@@ -20,6 +20,7 @@ from gateway.exchange.commands import (
     SetTable,
     SetTemperature,
     TableFor,
+    axes_of,
 )
 
 FORMAT: Final = 2
@@ -27,6 +28,9 @@ CAPTURED: Final = 3
 """Format of a capture: it begins anywhere, and is replayed from the first beginning of each line on."""
 WITHOUT_PEERS: Final = 1
 """Format of recordings that do not tell hosts apart: they were made before an axis had one writer."""
+
+
+Hex = Annotated[str, msgspec.Meta(pattern="^([0-9a-fA-F]{2})*$")]
 
 
 class WrongEntryError(Exception):
@@ -66,7 +70,7 @@ class Request(_Input, frozen=True, tag="request", omit_defaults=True):
     controller: str
     transaction: int
     unit: int
-    pdu: str
+    pdu: Hex
     peer: str = ""
     """Host of the controller; empty on a serial port."""
     role: str = ""
@@ -87,7 +91,7 @@ class Reply(_Input, frozen=True, tag="reply"):
     """A reply of a drive."""
 
     unit: int
-    pdu: str
+    pdu: Hex
 
 
 class Stray(_Input, frozen=True, tag="stray"):
@@ -189,18 +193,24 @@ _Old = _OldControl | _OldTables | _OldGain | _OldLimits | _OldTemperature
 
 
 def as_command(entry: "Commanded | _Old") -> Commanded:
-    """Return an entry of an old recording as it is recorded now. Raises WrongEntryError."""
+    """Return an entry as it is recorded now: one command for one axis. Raises WrongEntryError."""
     match entry:
-        case Commanded():
+        case Commanded(command=SetTable(tables=tables)):
+            if len(tables) != len(entry.tables):
+                found = f"{len(tables)} tables and holds {len(entry.tables)}"
+                raise WrongEntryError(f"no entry of a recording: set-table names {found}")
+            return entry
+        case Commanded(command=command):
+            if (count := len(axes_of(command))) != 1:
+                what = f"{kind_of(command)} names {count} axes; each has an entry of its own"
+                raise WrongEntryError(f"no entry of a recording: {what}")
             return entry
         case _OldTables(tables=tables):
             named = tuple(TableFor(each.axis, each.file, each.format, each.sha256) for each in tables)
             data = tuple(each.data for each in tables)
             return Commanded(entry.line, entry.t, SetTable(tables=named), data)
         case _OldGain(axis=axis, forward=forward, backward=backward):
-            command: Command = SetGain(
-                axes=(axis,), forward=forward, backward=backward, is_configured=entry.is_alone
-            )
+            command = SetGain(axes=(axis,), forward=forward, backward=backward, is_configured=entry.is_alone)
         case _OldLimits(axis=axis):
             command = SetLimits(
                 axis=axis,
@@ -272,7 +282,7 @@ class Sent(_Entry, frozen=True, tag="sent"):
 
     line: str
     unit: int
-    pdu: str
+    pdu: Hex
 
 
 class Abandoned(_Entry, frozen=True, tag="abandoned"):
@@ -288,7 +298,7 @@ class Answered(_Entry, frozen=True, tag="answered"):
     port: int
     transaction: int
     unit: int
-    pdu: str
+    pdu: Hex
 
 
 class End(_Entry, frozen=True, tag="end"):
@@ -332,4 +342,4 @@ def decode(line: bytes) -> Entry:
         entry: Entry | _Old = _decoder.decode(line)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise WrongEntryError(f"no entry of a recording: {error}") from None
-    return as_command(entry) if isinstance(entry, _Old) else entry
+    return as_command(entry) if isinstance(entry, _Old | Commanded) else entry

@@ -33,7 +33,7 @@ from gateway.exchange.rights import UNLIMITED, Rights
 from gateway.files import FileRefusedError
 from gateway.state.folder import PLAN_NAME, StateError, read_state, write_if_new
 from gateway.state.lock import alone_in
-from gateway.state.tables import compiled, digest_of, read_table, remove_others, write_table
+from gateway.state.tables import checked, compiled, digest_of, read_table, remove_others, write_table
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits
 from gateway.transport.tls_files import TlsFiles
@@ -105,7 +105,7 @@ class LinePlan:
     cut_through: bool = False
     """Frames may leave while they still arrive, where both sides are serial ports."""
     tape_bytes: int = 0
-    """How much of its last minutes is kept (``ipc.tape``); 0: nothing."""
+    """How much of its last minutes is kept (``recording.tape``); 0: nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +178,14 @@ class DamagedError(Exception):
 def in_force(plan: GatewayPlan) -> GatewayPlan:
     """Return a plan whose tables are as they come into force, with the lost motion that is configured."""
     return _with_axes(plan, _with_backlash)
+
+
+def as_started(plan: GatewayPlan) -> GatewayPlan:
+    """Return a plan whose tables are those that a relay starts from, with their digests."""
+    return _with_axes(
+        in_force(plan),
+        lambda axis: axis if axis.table is None else replace(axis, table=checked(compiled(axis.table))),
+    )
 
 
 def shape_of(plan: GatewayPlan) -> str:

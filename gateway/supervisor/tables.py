@@ -171,9 +171,8 @@ class Keeper:
         outcome = self._bring(loaded, unread, before, folder, keeps_plan=keeps_plan)
         if strange:
             outcome = replace(outcome, problems=(*outcome.problems, strange))
-        return replace(
-            outcome, sights={name: read[name] for axis, name in names.items() if axis not in outcome.waiting}
-        )
+        taken = {name for axis, name in names.items() if axis not in outcome.waiting}
+        return replace(outcome, sights={name: sight for name, sight in read.items() if name in taken})
 
     def _bring(
         self,

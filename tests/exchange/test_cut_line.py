@@ -30,6 +30,9 @@ from gateway.exchange.transaction import Phase
 from gateway.modbus.crc import INVERTED, is_intact, residue_after
 from gateway.modbus.registers import BitField
 from gateway.modbus.rtu import RtuRequestDecoder
+from gateway.recording import traffic
+from gateway.recording.tap import KeepingTap
+from gateway.recording.tape import ANSWERED, REPLY, REQUEST, SENT, TICK
 from tests.exchange.cut_line_bench import CHAR_NS, PLAN, WIRE, Left, PieceLink, PiecePort, Site, frame_of
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
 from tests.exchange.record_bench import Records
@@ -87,6 +90,45 @@ def test_a_setpoint_leaves_four_characters_behind_itself_and_its_reply_two() -> 
     assert line.cuts.torn == 0
     # The request was off the wire at 17.325, and the reply began at 20.
     assert line.line.meter.measured["cnc", 1].drive[bucket_of(2_675_000)] == 1
+
+
+class Heard(KeepingTap):
+    """Keeps the frames that it hears: their kinds in order, the numbers of their ports, and their PDUs."""
+
+    def __init__(self) -> None:
+        super().__init__("line")
+        self.frames: list[tuple[int, int, str]] = []
+        self.entries: list[traffic.Entry] = []
+
+    def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
+        if kind != TICK:
+            self.frames.append((kind, ids >> 24, pdu.hex()))
+
+    def entry(self, entry: traffic.Entry) -> None:
+        self.entries.append(entry)
+
+
+def test_a_tap_hears_frames_that_leave_early_in_the_order_of_those_that_are_stored() -> None:
+    heard = Heard()
+    line = site(tap=heard)
+    line.measure(acknowledgement_shape(), of_replies=True)
+    stored, heard.frames = heard.frames[-4:], []
+    assert [kind for kind, _, _ in stored] == [REQUEST, SENT, REPLY, ANSWERED]
+    line.come(frame_of(NEXT))
+    line.pass_to(line.bench.now_ns + 20 * MS)
+    line.reply(ACKNOWLEDGED)
+    assert (line.requests(), line.replies()) == ({Turn.COMMITTED: 1}, {Turn.COMMITTED: 1})
+    sent = write(COMMAND, 10_052)
+    assert heard.frames == [
+        (REQUEST, 1, NEXT.hex()),
+        (SENT, 0, sent.hex()),
+        (REPLY, 0, sent[:5].hex()),
+        (ANSWERED, 1, NEXT[:5].hex()),
+    ]
+    line.line.controller_gone(line.cnc, line.bench.now_ns)
+    line.hear(line.panel, frame_of(OTHER))
+    assert heard.entries[-1] == traffic.Gone("line", line.bench.now_ns, 1)
+    assert heard.frames[4:] == [(REQUEST, 2, OTHER.hex()), (SENT, 0, OTHER.hex())]
 
 
 def test_a_read_leaves_at_its_function_and_the_position_in_its_reply_when_it_is_whole() -> None:

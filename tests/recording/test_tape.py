@@ -133,6 +133,21 @@ def test_memory_that_is_no_tape_is_told() -> None:
         os.close(other)
 
 
+def test_the_tape_of_a_relay_of_1_0_0_is_looked_into_too() -> None:
+    tape = Tape("x", SMALLEST, 0, 0)
+    control = b'{"kind":"control","line":"x","t":7,"command":"enable","axis":"y"}\n'  # as 1.0.0 wrote it
+    tape.put(TEXT, 7, 0, control)
+    tape.show()
+    assert os.pread(tape.descriptor, 8, 0) == b"pgtape2\n"  # whose commands 1.0.0 would not understand
+    before = os.memfd_create("before")
+    os.write(before, b"pgtape1\n" + os.pread(tape.descriptor, SMALLEST + PAGE, 8))
+    look = Look(before)
+    assert look.new() == ([Raw(TEXT, 7, 0, control)], False)
+    look.close()
+    os.close(before)
+    tape.close()
+
+
 def test_it_can_be_neither_cut_nor_written_by_who_looks() -> None:
     tape = Tape("x", SMALLEST, 0, 0)
     with pytest.raises(OSError, match=r"Invalid argument|Operation not permitted"):

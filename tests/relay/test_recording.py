@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+import msgspec
 import pytest
 
 from gateway.compensation.settings import ThermalSettings
@@ -106,6 +107,24 @@ def test_tables_that_an_older_release_recorded_are_the_same() -> None:
 def test_a_command_of_a_newer_release_is_refused_with_its_name() -> None:
     with pytest.raises(traffic.WrongEntryError, match=r"the command 'dance' is not known; replay it with a"):
         traffic.decode(b'{"kind":"control","line":"line","t":7,"command":"dance","axis":"x"}')
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ('"command","t":7,"command":{"kind":"enable","axes":[]}', "enable names 0 axes"),
+        ('"command","t":7,"command":{"kind":"disable","axes":["x","y"]}', "disable names 2 axes"),
+        (
+            f'"command","t":7,"command":{msgspec.json.encode(FOR_X).decode()}',
+            "set-table names 1 tables and holds 0",
+        ),
+        ('"reply","t":7,"unit":1,"pdu":"0304zz"', "pdu"),
+        ('"sent","unit":1,"pdu":"030"', "pdu"),
+    ],
+)
+def test_what_no_relay_records_is_no_entry(entry: str, said: str) -> None:
+    with pytest.raises(traffic.WrongEntryError, match=f"^no entry of a recording: .*{said}"):
+        traffic.decode(f'{{"line":"line","kind":{entry}}}'.encode())
 
 
 class MoodyDrive:

@@ -1,6 +1,8 @@
 """What counts of a tables folder in which files move; no relay runs, everything goes into the state."""
 
 import resource
+import socket
+import threading
 from pathlib import Path
 
 import pytest
@@ -76,6 +78,25 @@ def test_a_file_that_moves_waits_however_good_it_is(config: Path, keeper: Keeper
     table(config).write_text(STEEPER)
     assert keeper.refresh({"x.tab": None}).waiting == {"x"}
     assert keeper.reload({"x.tab": None}).waiting == {"x"}
+    assert largest(config) == 0.1
+
+
+def hang_up(listening: socket.socket) -> None:
+    listening.accept()[0].close()
+
+
+def test_a_file_that_moves_is_no_mistake_where_the_relay_is_not_understood(
+    config: Path, keeper: Keeper
+) -> None:
+    table(config).write_text(STEEPER)
+    with socket.socket(socket.AF_UNIX) as relay:
+        relay.bind(str(config.parent / "state" / "relay.sock"))
+        relay.listen()
+        threading.Thread(target=hang_up, args=(relay,), daemon=True).start()
+        outcome = keeper.refresh({"x.tab": None})
+    assert outcome.is_owed
+    assert len(outcome.problems) == 1
+    assert not outcome.sights
     assert largest(config) == 0.1
 
 
