@@ -151,8 +151,9 @@ REMARKS: Final = (
         "R9",
         "refused",
         "Mint's offset of the screw has two readings, and `file_start` does not say which",
-        "tell with `file_start` where mark A lies; `pitch-gateway signtest CONFIG --axis AXIS` proves it at "
-        "the machine",
+        "look where mark A of the screw is on the machine and tell it with `file_start`; to prove it, send "
+        "the axis to the target of the message with the compensation off: the nut stands as far to one side "
+        "of it as the right figure lies to the other",
     ),
     RemarkEntry(
         "R10",

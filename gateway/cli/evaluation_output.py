@@ -114,7 +114,7 @@ def evidence_json(evidence: "Evidence") -> dict[str, object]:
             {
                 "name": each.period.name,
                 "period": each.period.length,
-                f"amplitude_{small.key}": each.amplitude * small.factor,
+                f"amplitude_{small.key}": None if each.amplitude is None else each.amplitude * small.factor,
                 "phase_deg": each.phase_deg,
                 "p": each.significance,
             }

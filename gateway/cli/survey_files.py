@@ -200,7 +200,8 @@ def refusal(target: Dialect, table: CorrectionTable, options: WriteOptions, max_
         written(table, target, options, {}, max_slope)
     except TabFileError as error:
         if error.problems[0].code is None:
-            return f"this format does not hold it ({error.found}); --to csv does"
+            allowed = f", allowed: {error.allowed}" if error.allowed else ""
+            return f"this format does not hold it ({error.found}{allowed}); --to csv does"
         # a limit of the gateway is one in every format
         return f"{error.found}; {error.allowed}" if error.allowed else error.found
     except TableError as error:

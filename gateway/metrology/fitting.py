@@ -38,7 +38,6 @@ JUMP_PARTS: Final = 8
 """So finely the place of a jump is to be measured."""
 CLEARLY: Final = 1.25
 """So many times as much must be left before another format is worth a word."""
-SIGNIFICANT: Final = 0.01
 MOST_POINTS: Final = 20_000
 
 Refusal = Callable[[CorrectionTable], str | None]
@@ -138,13 +137,19 @@ def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
             f"{other.shape.words} in {len(other.table.positions)} points would leave {less}, but cannot be "
             f"written: {other.refused}"
         )
-    for each in evidence.harmonics:
-        # What scatter makes as large has no amplitude: of few targets it would be any number.
-        found = "not significant"
-        if each.significance <= SIGNIFICANT:
-            found = f"amplitude {small.text(each.amplitude)}, phase {each.phase_deg:.0f}°, significant"
-        notes.append(f"{each.period.name}: {found} (p = {each.significance:.2g})")
+    notes.extend(f"{each.period.name}: {_of_harmonic(each, units)}" for each in evidence.harmonics)
     return notes
+
+
+def _of_harmonic(harmonic: Harmonic, units: Units) -> str:
+    if harmonic.amplitude is None or harmonic.phase_deg is None:
+        return "its size is not known, for these targets show it in part only, or as another period"
+    found = "not significant"
+    # What scatter makes as large has no amplitude: of few targets it would be any number.
+    if harmonic.is_significant:
+        size = small_unit(units).text(harmonic.amplitude)
+        found = f"amplitude {size}, phase {round(harmonic.phase_deg) % 360}°, significant"
+    return f"{found} (p = {harmonic.significance:.2g})"
 
 
 def warnings_of(screw: Screw) -> tuple[str, ...]:
@@ -237,7 +242,7 @@ def _tables(
 
 def _steps(screw: Screw, shape: Shape) -> Iterator[float]:
     if shape is Shape.HARMONICS:
-        telling = [each.period.length for each in screw.harmonics if each.significance <= SIGNIFICANT]
+        telling = [each.period.length for each in screw.harmonics if each.is_significant]
         shortest = min(telling or [each.period.length for each in screw.harmonics])
         yield from (shortest / parts for parts in TURN_PARTS)
         return

@@ -59,6 +59,12 @@ WORTH: Final = 4.0
 DOUBT: Final = 8.0
 """Kinds that repeat and are worse by more have no say in its bounds: few targets choose one by luck."""
 DOUBT_DRAWS: Final = 32
+SIGNIFICANT: Final = 0.01
+TELLING: Final = 1000.0
+"""A period of which one half is known so many times less well than the other, or both than they were without
+the others, is not known; nor is one that is there, but whose worse half may be as large as all of it."""
+SAME: Final = 1e-10
+"""Of the largest information: what is less is none."""
 SEED: Final = 20
 ROUNDS: Final = 4
 """So often is the place of the drive for one of the nut found anew, each time nearer by the error's slope."""
@@ -70,12 +76,19 @@ class Harmonic:
 
     ``amplitude`` is of the deviation, in the units of the readings. ``significance`` is the probability that
     scatter alone makes one as large (F test with 2 degrees of freedom); 0.01 and below is hardly chance.
+    All three are None where the targets do not tell it: they meet only two opposite angles of its turn, or
+    show it as they show another period that is told.
     """
 
     period: Period
-    amplitude: float
-    phase_deg: float
-    significance: float
+    amplitude: float | None
+    phase_deg: float | None
+    significance: float | None
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether it is hardly chance."""
+        return self.significance is not None and self.significance <= SIGNIFICANT
 
 
 class Jump(NamedTuple):
@@ -461,17 +474,35 @@ def _harmonics(process: Process | None, periods: Sequence[Period]) -> tuple[Harm
         columns += [np.sin(angle), np.cos(angle)]
     design = np.column_stack(columns)
     inverse = np.linalg.inv(process.without_periods())
-    information = np.linalg.inv(design.T @ inverse @ design)
-    # The deviation is what the correction takes away.
-    parts = -information @ (design.T @ inverse @ samples.values)
+    information = design.T @ inverse @ design
+    # The deviation is what the correction takes away. Of what targets do not tell apart nothing is used.
+    parts = -np.linalg.pinv(information, rcond=SAME, hermitian=True) @ (design.T @ inverse @ samples.values)
     rest = samples.values + design @ parts
     free = max(len(samples.places) - 2 - len(columns), 1)
     scale = max(float(rest @ inverse @ rest) / free, 1.0)
     found = []
     for index, period in enumerate(periods):
-        pair = slice(2 * index, 2 * index + 2)
-        sine, cosine = (float(part) for part in parts[pair])
-        ratio = float(parts[pair] @ np.linalg.solve(information[pair, pair], parts[pair])) / (2 * scale)
-        chance = (1.0 + 2.0 * ratio / free) ** (-free / 2)
-        found.append(Harmonic(period, hypot(sine, cosine), degrees(atan2(cosine, sine)) % 360.0, chance))
+        own = [2 * index, 2 * index + 1]
+        alone, beside = information[np.ix_(own, own)], _beside_others(information, own)
+        least, most = float(np.linalg.eigvalsh(beside)[0]), float(np.linalg.eigvalsh(alone)[-1])
+        sine, cosine = (float(part) for part in parts[own])
+        size = hypot(sine, cosine)
+        ratio = float(parts[own] @ beside @ parts[own]) / (2 * scale)
+        chance = (1.0 + 2.0 * max(ratio, 0.0) / free) ** (-free / 2)
+        is_open = least * TELLING**2 <= most
+        if is_open or (chance <= SIGNIFICANT and least * size**2 < scale):
+            found.append(Harmonic(period, None, None, None))
+            continue
+        found.append(Harmonic(period, size, degrees(atan2(cosine, sine)) % 360.0, chance))
     return tuple(found)
+
+
+def _beside_others(information: Array, own: Sequence[int]) -> Array:
+    """Return how well two parts are known where all others are to be found too."""
+    others = [each for each in range(len(information)) if each not in own]
+    shared = information[np.ix_(own, others)]
+    result: Array = (
+        information[np.ix_(own, own)]
+        - shared @ np.linalg.pinv(information[np.ix_(others, others)], rcond=SAME, hermitian=True) @ shared.T
+    )
+    return result

@@ -218,7 +218,10 @@ def _home_of(table: CorrectionTable) -> _Home | None:
 def _is_zero_at_home(subject: _Subject, row: SourceRow, branch: str) -> bool:
     """Whether a value is the one that is 0 by definition, and is."""
     home = _home_of(subject.table)
-    if home is None or branch != home.branch or row is not subject.rows[home.row]:
+    if home is None or row is not subject.rows[home.row]:
+        return False
+    # a curve of both directions is looked at once, as the forward one
+    if branch != home.branch and not subject.table.is_unidirectional:
         return False
     step = subject.span / (len(subject.rows) - 1)
     return abs(row.position) <= NOISE * step and not corrections([row], branch)[0]

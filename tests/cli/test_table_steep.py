@@ -62,7 +62,23 @@ def test_a_format_of_few_points_is_named_as_that(tmp_path: Path) -> None:
     told = ("--lead", 5, "--max-slope", 0.02, "--home", "switch-positive")
     notes = good("build", readings, tmp_path / "t.comp", "--to", "linuxcnc-0", *told)["notes"]
     (said,) = [note for note in notes if "cannot be written" in note]
-    assert said.endswith("this format does not hold it (1199 points); --to csv does")
+    assert said.endswith(
+        "this format does not hold it (1199 points, allowed: at most 256: LinuxCNC drops more); --to csv does"
+    )
+
+
+def test_a_format_that_begins_at_home_is_named_as_that_and_the_grid_that_reaches_it_is_made(
+    tmp_path: Path,
+) -> None:
+    """Targets begin beside home, and the points that follow the turns begin where they do."""
+    readings, screw, targets = written(tmp_path / "r.csv", STEEP)
+    told = ("--to", "centroid-3", "--axis", "x", "--lead", 5, "--max-slope", 0.02)
+    notes = good("build", readings, tmp_path / "t.tab", *told)["notes"]
+    (said,) = [note for note in notes if "cannot be written" in note]
+    assert said.endswith("allowed: a range that begins or ends at home, 0); --to csv does")
+    out = tmp_path / "grid.tab"
+    good("build", readings, out, *told, "--step", 0.25, "--travel", 0, 300, "--home", "switch-positive")
+    assert left(out, screw, targets) < 1.5
 
 
 def test_telling_the_tooth_of_a_belt_makes_nothing_worse(tmp_path: Path) -> None:

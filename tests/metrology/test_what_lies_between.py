@@ -222,8 +222,39 @@ def test_a_harmonic_has_the_amplitude_and_the_phase_that_the_screw_has() -> None
     once, twice = found.harmonics
     assert once.amplitude == pytest.approx(0.003, rel=0.01)
     assert once.phase_deg == pytest.approx(60.0, abs=1.0)
+    assert once.significance is not None
     assert once.significance < 1e-6
+    assert twice.amplitude is not None
     assert twice.amplitude < 0.0001
+
+
+@pytest.mark.parametrize(
+    ("step", "periods", "known"),
+    [
+        # at 0°, 180°, 360° of lead 40: its cosine, and of its half one angle
+        (20.0, periods_of(40.0), [None]),
+        # of lead 40 four angles, of its half two
+        (10.0, periods_of(40.0), [0.003, None]),
+        # 3/4 of a turn on, of 13.333, is 1/4 of a turn back, of 40
+        (10.0, periods_of(40.0, [40 / 3]), [None, None, None]),
+        # half a turn on, and one and a half
+        (10.0, periods_of(20.0, [20 / 3]), [None, None]),
+    ],
+)
+def test_a_harmonic_that_even_targets_show_in_part_or_as_another_has_no_amplitude(
+    step: float, periods: tuple[Period, ...], known: list[float | None]
+) -> None:
+    targets = [step * number for number in range(31)]
+    readings = survey(targets, lambda x: 0.003 * sin(2 * pi * x / 40 + pi / 3), runs=3)
+    built = build_from(readings, Recipe(fit=Fit.AUTO, periods=periods))
+    assert built.screw is not None
+    found = built.screw.harmonics
+    for harmonic, amplitude in zip(found, known, strict=True):
+        assert harmonic.amplitude == (None if amplitude is None else pytest.approx(amplitude, rel=0.01))
+        is_said = any(
+            note.startswith(f"{harmonic.period.name}: its size is not known") for note in built.notes
+        )
+        assert is_said == (amplitude is None)
 
 
 def test_harmonics_of_nothing_but_scatter_are_not_significant() -> None:
@@ -235,7 +266,8 @@ def test_harmonics_of_nothing_but_scatter_are_not_significant() -> None:
         for x in RANDOM_TARGETS
     )
     found = screw_of(scattered, Units.MM, periods_of(5.0))
-    assert all(each.significance > 0.01 for each in found.harmonics)
+    assert not any(each.is_significant for each in found.harmonics)
+    assert None not in [each.significance for each in found.harmonics]
 
 
 def test_leaving_out_in_closed_form_is_leaving_out() -> None:

@@ -96,6 +96,14 @@ def test_file_start_takes_either_reading_of_an_offset(start: float, out: float) 
     assert "R9" not in {lint.code for lint in loaded.lints}
 
 
+@pytest.mark.parametrize(("start", "nut"), [(5.0, 7.004), (-5.0, 7.018)])
+def test_what_r9_advises_to_prove_tells_the_readings_of_an_offset_apart(start: float, nut: float) -> None:
+    """Compensation off, drive at 7: 2 from A the nut is at 2 x 10.02 / 10, 12 from A at 10.02 + 2 x 0.999."""
+    corrected = explain(parse(OFFSET_5, file_start=start), 7.0).forward.corrected
+    # as far to one side of 7 as the figure lies to the other, to first order
+    assert nut - 7.0 == pytest.approx(7.0 - corrected, abs=5e-5)
+
+
 def test_file_start_that_is_neither_reading_of_an_offset_is_refused() -> None:
     error = refused(OFFSET_5, file_start=4.0)
     assert "PRECISIONOFFSET 5, but file_start is 4" in error.found

@@ -134,6 +134,17 @@ def test_l6_is_silent_of_the_value_at_home_which_is_0_by_definition() -> None:
     assert [lint.line for lint in slipped.lints if lint.code == "L6"] == [10]
 
 
+def test_l6_is_silent_of_home_at_the_end_of_a_curve_of_both_directions() -> None:
+    """CNC Services' version 1 sample: 0 at home, then -32, -38, -47 counts, in positions that fall."""
+    sample = TABLES / "centroid-v1" / "CNC7X.TAB"
+    told = FileContext(units=Units.INCH, file_counts_per_unit=64000.0)
+    assert "L6" not in codes(read_table(sample, told))
+    # 64000 counts an inch; a slip of 100 counts away from home is still named, on its line
+    text = sample.read_text().replace("-82\n", "-182\n")
+    slipped = parse_table(text.encode(), "CNC7X.TAB", told)
+    assert [lint.line for lint in slipped.lints if lint.code == "L6"] == [1 + 10]
+
+
 def test_l4_single_value_in_another_unit() -> None:
     forward, backward = SOUND
     slipped = [*backward[:4], 0.0001, backward[5]]

@@ -290,7 +290,8 @@ def refusal(format_name: str, table: CorrectionTable, axis: AxisPlan, section: A
     try:
         dialect_named(format_name).write(table, write_options_of(section, axis.name))
     except TabFileError as error:
-        return f"this format does not hold it ({error.found}); --out-format csv does"
+        allowed = f", allowed: {error.allowed}" if error.allowed else ""
+        return f"this format does not hold it ({error.found}{allowed}); --out-format csv does"
     except TableError as error:
         return str(error)
     return None
