@@ -39,13 +39,13 @@ from gateway.supervisor.book import Book
 from gateway.supervisor.capturing import Capturing
 from gateway.supervisor.chronicle import Chronicle
 from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.http.documents import Window, settings_in
 from gateway.supervisor.http.service import HttpService
-from gateway.supervisor.http.window import Window, settings_in
 from gateway.supervisor.link import Link
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.service import MqttService
-from gateway.supervisor.mqtt.settings import settings_of
+from gateway.supervisor.mqtt.topics import settings_of
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.past import Noted, Past
 from gateway.supervisor.tables import Keeper

@@ -27,16 +27,13 @@ from gateway.compensation.units import Units
 from gateway.config.http_model import TokenSection
 from gateway.limits import Reports
 from gateway.supervisor.feeds import Feeds
-from gateway.supervisor.http.access import Access
+from gateway.supervisor.http.answers import LOCAL, TCP
 from gateway.supervisor.http.application import ASKING_PATHS, LOCAL_PATHS, Served
-from gateway.supervisor.http.connection import Connection
-from gateway.supervisor.http.door import Door
+from gateway.supervisor.http.documents import Window
 from gateway.supervisor.http.guard import READS, Guard, Rules
-from gateway.supervisor.http.limits import LOCAL, TCP
+from gateway.supervisor.http.listener import Connection, Door
+from gateway.supervisor.http.login import Access, Sessions, Tokens
 from gateway.supervisor.http.refusals import Refusals
-from gateway.supervisor.http.sessions import Sessions
-from gateway.supervisor.http.tokens import Tokens
-from gateway.supervisor.http.window import Window
 from gateway.supervisor.outcome import Outcome
 from tests.exchange.line_bench import LOST_MOTION
 from tests.supervisor.http.doors import TOKEN, WRONG, write_token

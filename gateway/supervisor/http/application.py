@@ -15,18 +15,13 @@ from starlette.routing import Route
 from gateway.catalogue.publishing_events import HTTP_FAILED
 from gateway.catalogue.troubles import TROUBLES
 from gateway.limits import Reports
-from gateway.supervisor.http.access import CHALLENGE, Access
 from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, raw_json, shortened
-from gateway.supervisor.http.door import Door
-from gateway.supervisor.http.entrance import Entrance
-from gateway.supervisor.http.event_stream import MEDIA_TYPE, EventStream, Models, Wish
-from gateway.supervisor.http.frames import Frames
-from gateway.supervisor.http.histories import Histories
+from gateway.supervisor.http.curves import Tables
+from gateway.supervisor.http.documents import Frames, Histories, PageFile, Window, read_page
+from gateway.supervisor.http.listener import Door
+from gateway.supervisor.http.login import CHALLENGE, Access, Entrance
 from gateway.supervisor.http.metrics import Metrics
-from gateway.supervisor.http.page_files import PageFile, read_page
-from gateway.supervisor.http.streaming import EndlessResponse
-from gateway.supervisor.http.tables import Tables
-from gateway.supervisor.http.window import Window
+from gateway.supervisor.http.stream import MEDIA_TYPE, EndlessResponse, EventStream, Models, Wish
 from gateway.supervisor.verdict import State
 
 PATHS: Final = (

@@ -10,9 +10,15 @@ from typing import Final
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gateway.supervisor.http.access import Access, peer_of
-from gateway.supervisor.http.answers import CONTENT_SECURITY_POLICY, problem, shortened
-from gateway.supervisor.http.limits import BODY_BYTES, HEAD_BYTES, TARGET_BYTES
+from gateway.supervisor.http.answers import (
+    BODY_BYTES,
+    CONTENT_SECURITY_POLICY,
+    HEAD_BYTES,
+    TARGET_BYTES,
+    problem,
+    shortened,
+)
+from gateway.supervisor.http.login import Access, peer_of
 from gateway.supervisor.http.refusals import Refused, tell_nobody
 
 READS: Final = frozenset(("GET", "HEAD"))

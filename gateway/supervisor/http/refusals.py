@@ -1,13 +1,82 @@
-"""Clients that were refused: the first refusal is reported at once, and then one a minute with how often."""
+"""What was refused at the page: counted, told by host, and slowed down where somebody guesses."""
 
+from collections import OrderedDict, deque
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from ipaddress import IPv6Address, ip_address, ip_network
 from typing import Final
 
 from gateway.catalogue.entry import EventEntry
 from gateway.limits import Reports
-from gateway.supervisor.http.wrong_tries import site_of
 from gateway.supervisor.saying import Say
 from gateway.times import NS_PER_S
+
+# --- Who tries tokens: after ten wrong ones within a minute nothing from there is tried for a minute
+
+MOST_WRONG: Final = 10
+WITHIN_S: Final = 60.0
+SHUT_S: Final = 60.0
+MOST_PLACES: Final = 1024
+"""Of which something is kept; for one more the one that was heard of longest ago is forgotten."""
+ONE_SITE_BITS: Final = 64
+"""Of an IPv6 address: who has one has all that share them."""
+
+
+@dataclass(slots=True)
+class _Place:
+    wrong: deque[tuple[int, float]] = field(default_factory=lambda: deque(maxlen=MOST_WRONG))
+    """The newest different ones, each by its hash, which only this process can work out, and when it came."""
+    shut_until_s: float = 0.0
+
+
+class WrongTries:
+    """Counts by address; times are seconds of the monotonic clock."""
+
+    def __init__(self) -> None:
+        self._places: OrderedDict[str, _Place] = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def shut_s(self, address: str, now_s: float) -> float:
+        """Return for how long nothing from an address is tried any more; 0 where it is."""
+        place = self._places.get(site_of(address))
+        return 0.0 if place is None else max(0.0, place.shut_until_s - now_s)
+
+    def note(self, address: str, token: str, now_s: float) -> None:
+        """Count a wrong token."""
+        name, shown = site_of(address), hash(token)
+        place = self._places.setdefault(name, _Place())
+        self._places.move_to_end(name)
+        if all(shown != other for other, _ in place.wrong):
+            place.wrong.append((shown, now_s))
+            if len(place.wrong) == MOST_WRONG and now_s - place.wrong[0][1] < WITHIN_S:
+                place.shut_until_s = now_s + SHUT_S
+                place.wrong.clear()
+        while len(self._places) > MOST_PLACES:
+            self._places.popitem(last=False)
+
+
+def site_of(address: str) -> str:
+    """Return what stands for everything that one visitor can call his address.
+
+    >>> site_of("192.0.2.7"), site_of("2001:db8:1:2:3::4"), site_of("")
+    ('192.0.2.7', '2001:db8:1:2::/64', '')
+    >>> site_of("::ffff:192.0.2.7")  # one socket for both families
+    '192.0.2.7'
+    """
+    try:
+        parsed = ip_address(address.partition("%")[0])
+    except ValueError:
+        return address
+    if isinstance(parsed, IPv6Address) and parsed.ipv4_mapped is not None:
+        return str(parsed.ipv4_mapped)
+    if isinstance(parsed, IPv6Address) and not parsed.is_loopback:
+        return str(ip_network((parsed, ONE_SITE_BITS), strict=False))
+    return str(parsed)
+
+
+# --- Clients that were refused: the first refusal is reported at once, and then one a minute with how often
 
 MOST: Final = 1024
 """So many addresses are reported by name, all others together: a flood must not fill the log."""

@@ -18,17 +18,13 @@ from gateway.config.checks.lines import is_loopback
 from gateway.config.files import NamedFileError
 from gateway.config.http_model import HttpSection
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketError, SocketPlace
-from gateway.supervisor.http.access import LOOK_S, Access
+from gateway.supervisor.http.answers import LOCAL, TCP, Limits
 from gateway.supervisor.http.application import ASKING_PATHS, LOCAL_PATHS, PATHS, Served
-from gateway.supervisor.http.door import Door
+from gateway.supervisor.http.documents import Window
 from gateway.supervisor.http.guard import READS, Guard, Rules
-from gateway.supervisor.http.handshakes import HandshakeLimits, TlsListener
-from gateway.supervisor.http.limits import LOCAL, TCP, Limits
+from gateway.supervisor.http.listener import Door, HandshakeLimits, TlsListener, Wanted, wanted_by
+from gateway.supervisor.http.login import LOOK_S, Access, Sessions, Tokens
 from gateway.supervisor.http.refusals import Refusals
-from gateway.supervisor.http.sessions import Sessions
-from gateway.supervisor.http.tokens import Tokens
-from gateway.supervisor.http.wanted import Wanted, wanted_by
-from gateway.supervisor.http.window import Window
 from gateway.transport.certificate_ends import Endings
 from gateway.transport.certificates import now_utc
 from gateway.transport.stopping import all_made, stop_serving

@@ -11,8 +11,8 @@ from typing import Any
 
 from gateway.config.http_model import HttpSection, HttpTlsSection, TokenSection
 from gateway.supervisor.acknowledged import Acknowledgement
-from gateway.supervisor.http.handshakes import HandshakeLimits
-from gateway.supervisor.http.limits import TCP, Limits
+from gateway.supervisor.http.answers import TCP, Limits
+from gateway.supervisor.http.listener import HandshakeLimits
 from gateway.transport.certificates import now_utc
 from tests.certificates import authority, signed_by
 from tests.supervisor.http.http_bench import Answer, Line, Served, model, serving, until

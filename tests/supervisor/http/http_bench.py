@@ -18,10 +18,10 @@ from gateway.state.folder import write_whole
 from gateway.state.tables import compiled, digest_of, table_path
 from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.feeds import Feeds
-from gateway.supervisor.http.handshakes import HandshakeLimits
-from gateway.supervisor.http.limits import LOCAL, TCP, Limits
+from gateway.supervisor.http.answers import LOCAL, TCP, Limits
+from gateway.supervisor.http.documents import Window
+from gateway.supervisor.http.listener import HandshakeLimits
 from gateway.supervisor.http.service import HttpService
-from gateway.supervisor.http.window import Window
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.past import Noted

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.supervisor.http import connection
-from gateway.supervisor.http.limits import Limits
+from gateway.supervisor.http import listener
+from gateway.supervisor.http.answers import Limits
 from tests.supervisor.http.http_bench import PATIENCE_S, model, serving
 
 BAD_PATHS = [
@@ -81,7 +81,7 @@ async def test_what_is_no_request_is_told_so_and_closed(
 async def test_whoever_talks_nonsense_and_stays_is_dropped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connection, "LEAVING_S", 0.05)
+    monkeypatch.setattr(listener, "LEAVING_S", 0.05)
     async with serving(tmp_path, tcp=Limits(sweep_s=0.01)) as served:
         line = await served.connect()
         await line.say("nonsense\r\n\r\n")

@@ -9,7 +9,7 @@ from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateway.catalogue.tls_events import CERTIFICATE_ENDS_SOON
-from gateway.supervisor.http.wanted import wanted_by
+from gateway.supervisor.http.listener import wanted_by
 from gateway.transport.certificate_times import SOON
 from gateway.transport.certificates import now_utc
 from tests.certificates import Shop

@@ -11,7 +11,7 @@ import pytest
 from gateway.catalogue.entry import Severity
 from gateway.ipc.notes import Note
 from gateway.supervisor.feeds import EVENTS_KEPT
-from gateway.supervisor.http.limits import Limits
+from gateway.supervisor.http.answers import Limits
 from tests.supervisor.http.http_bench import Line, Served, model, serving, until
 
 

@@ -13,7 +13,7 @@ from gateway.config.http_model import HttpSection
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketPlace
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http import service as service_module
-from gateway.supervisor.http.window import Window
+from gateway.supervisor.http.documents import Window
 from tests.ports import free_port
 from tests.supervisor.http.http_bench import Served, serving, until
 

@@ -11,8 +11,7 @@ from gateway.compensation.settings import AxisSettings, Backlash, BacklashKind
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.state.tables import table_path
-from gateway.supervisor.http.curve import thinned
-from gateway.supervisor.http.drawing import ticks
+from gateway.supervisor.http.curves import thinned, ticks
 from tests.supervisor.http.http_bench import Answer, keep_table, model, serving, snapshot
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.supervisor.http.handshakes import HandshakeLimits, TlsListener
-from gateway.supervisor.http.limits import Limits
+from gateway.supervisor.http.answers import Limits
+from gateway.supervisor.http.listener import HandshakeLimits, TlsListener, wanted_by
 from gateway.supervisor.http.refusals import tell_nobody
-from gateway.supervisor.http.wanted import wanted_by
 from tests.certificates import Shop, signed_by
 from tests.supervisor.http.doors import (
     TOKEN,

@@ -9,12 +9,9 @@ import pytest
 from gateway.catalogue.entry import EventEntry, Severity
 from gateway.catalogue.publishing_events import TOKEN_REFUSED
 from gateway.config.http_model import TokenSection
-from gateway.supervisor.http import sessions, wrong_tries
-from gateway.supervisor.http.access import Access, Visitor
-from gateway.supervisor.http.refusals import Refusals
-from gateway.supervisor.http.sessions import Sessions
-from gateway.supervisor.http.tokens import Tokens
-from gateway.supervisor.http.wrong_tries import WrongTries
+from gateway.supervisor.http import login, refusals
+from gateway.supervisor.http.login import Access, Sessions, Tokens, Visitor
+from gateway.supervisor.http.refusals import Refusals, WrongTries
 from tests.supervisor.http.doors import TOKEN, WRONG, asking, bearer, write_token
 
 
@@ -128,7 +125,7 @@ def test_a_session_ends_after_twelve_hours_used_or_not(tmp_path: Path) -> None:
 
 def test_there_are_64_sessions_at_most_and_the_oldest_ends() -> None:
     kept = Sessions()
-    values = [kept.open("people", b"d", 0.0) for _ in range(sessions.MOST + 1)]
+    values = [kept.open("people", b"d", 0.0) for _ in range(login.MOST + 1)]
     assert len(set(values)) == 65
     assert len(kept) == 64
     assert kept.find(values[0], 1.0) is None
@@ -147,7 +144,7 @@ def test_what_is_kept_of_addresses_is_bounded() -> None:
         address = f"10.0.{number // 256}.{number % 256}"
         tries.note(address, WRONG, 0.0)
         log.note(TOKEN_REFUSED, address, "a wrong token", 0.0)
-    assert len(tries) == wrong_tries.MOST_PLACES == 1024
+    assert len(tries) == refusals.MOST_PLACES == 1024
     # 1024 addresses by name, and one line for all others: a flood fills no log.
     assert len(told) == 1025
 

@@ -1,15 +1,72 @@
-"""``/events``: the newest status and every event, as server-sent events (HTML standard, section 9.2)."""
+"""The stream of what happens, and answers that are sent in pieces."""
 
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncGenerator, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
+from contextlib import aclosing
 from dataclasses import dataclass
 from typing import Any, Final
 
+from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
+
 from gateway.supervisor.feeds import Feeds, Told
-from gateway.supervisor.http.answers import json_bytes
-from gateway.supervisor.http.limits import Limits
+from gateway.supervisor.http.answers import Limits, json_bytes
+
+# --- An answer without an end
+
+
+class EndlessResponse(Response):
+    """Sends parts until whoever asked has gone, ``is_over`` returns, or the task that sends is cancelled.
+
+    Starlette's own leaves cancelling to anyio, which lets a task be as long as there is something new for it
+    in every turn of the loop.
+    """
+
+    def __init__(
+        self,
+        parts: AsyncGenerator[bytes, None],
+        headers: dict[str, str],
+        media_type: str,
+        is_over: Callable[[], Awaitable[None]] | None = None,
+    ) -> None:
+        super().__init__(headers=headers, media_type=media_type)
+        self._is_over = is_over
+        del self.headers["content-length"]
+        self._parts = parts
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        start = {"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers}
+        await send(start)
+        tasks = [asyncio.create_task(self._send(send)), asyncio.create_task(_until_gone(receive))]
+        if self._is_over is not None:
+            tasks.append(asyncio.ensure_future(self._is_over()))
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            ended, *_ = await asyncio.gather(*tasks, return_exceptions=True)
+        if isinstance(ended, Exception):
+            raise ended
+        if isinstance(ended, asyncio.CancelledError):  # not its own end
+            await send({"type": "http.response.body"})
+
+    async def _send(self, send: Send) -> None:
+        async with aclosing(self._parts) as parts:
+            async for part in parts:
+                await send({"type": "http.response.body", "body": part, "more_body": True})
+        await send({"type": "http.response.body"})
+
+
+async def _until_gone(receive: Receive) -> None:
+    while (await receive())["type"] != "http.disconnect":
+        pass
+
+
+# --- ``/events``: the newest status and every event, as server-sent events (HTML standard, section 9.2)
 
 MEDIA_TYPE: Final = "text/event-stream"
 HEARTBEAT: Final = b": nothing new\n\n"

@@ -1,0 +1,221 @@
+"""The files of the page, the newest frames of a line, and the past of an axis."""
+
+import asyncio
+import hashlib
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.compensation.settings import AxisSettings
+from gateway.ipc.client import NoGatewayError
+from gateway.ipc.place import SocketError, socket_path
+from gateway.recording import traffic
+from gateway.recording.capture import Capture, NoCaptureError
+from gateway.recording.readable import Reader
+from gateway.state.plan import GatewayPlan
+from gateway.supervisor import page
+from gateway.supervisor.acknowledged import Acknowledgement
+from gateway.supervisor.aside import aside
+from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, shortened
+from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.past import DAY_S, Noted, time_text, values_text
+from gateway.supervisor.saying import Say
+from gateway.times import NS_PER_S
+
+# --- What the HTTP service sees of the supervisor, and what it may ask of it
+
+
+async def _nothing(_axis: str, _span_s: float) -> None:
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Everything that is served comes through here."""
+
+    feeds: Feeds
+    state: Path
+    """The state folder: the compiled tables are there, and the socket ``supervisor.sock``."""
+    settings_of: Callable[[str], AxisSettings | None]
+    """The settings of an axis in the configuration that was taken; None where there is none yet."""
+    reload: Callable[[], Awaitable[Outcome]]
+    say: Say
+    history: Callable[[str, float], Awaitable[Sequence[Noted] | None]] = _nothing
+    """Where an axis was in so many seconds until now; None: nothing is known of it."""
+    plan: Callable[[], GatewayPlan | None] = lambda: None
+    """The plan of the configuration that was taken; None where there is none yet."""
+    acknowledge: Callable[[str, str, str, str], Acknowledgement | None] = lambda *_what: None
+    """Note that somebody has seen an alarm: its kind, where, since when it is there, and who; None: there is
+    none like that."""
+
+
+def settings_in(plan: GatewayPlan | None, axis: str) -> AxisSettings | None:
+    """Return the settings of an axis in the plan of a configuration, for :attr:`Window.settings_of`."""
+    axes = () if plan is None else (one for line in plan.lines for one in line.axes)
+    return next((one.settings for one in axes if one.name == axis), None)
+
+
+# --- The files of the page, read once: a fixed list of names, and nothing that a request says is ever a path
+
+TYPES: Final = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".json": "application/json",
+    ".webmanifest": "application/manifest+json",
+}
+FOLDER: Final = Path(page.__file__).parent
+
+
+@dataclass(frozen=True, slots=True)
+class PageFile:
+    """One file as it is served."""
+
+    content: bytes
+    media_type: str
+    etag: str
+
+    def answer(self, request: Request) -> Response:
+        """Return it, or that it has not changed. A browser asks each time: an upgrade shows at once."""
+        headers = {"ETag": self.etag, "Cache-Control": "no-cache"}
+        known = request.headers.get("if-none-match", "")
+        if any(tag.strip().removeprefix("W/") in {self.etag, "*"} for tag in known.split(",")):
+            return Response(status_code=304, headers=headers)
+        return Response(self.content, headers=headers, media_type=self.media_type)
+
+
+def read_page() -> dict[str, PageFile]:
+    """Return the files of the page, by name."""
+    return {name: _read(FOLDER / name) for name in page.FILES}
+
+
+def _read(path: Path) -> PageFile:
+    content = path.read_bytes()
+    return PageFile(content, TYPES[path.suffix], f'"{hashlib.sha256(content).hexdigest()[:32]}"')
+
+
+# --- ``/frames/LINE``: the newest frames of a line, in words; asked for again and again by whoever looks
+
+SHOWN: Final = 200
+SIDES: Final = {"request": "controller", "answered": "controller", "sent": "drive", "reply": "drive"}
+AT_ONCE: Final = 2
+"""So many are read at the same time; the next is asked to come again."""
+
+
+class Frames:
+    """Answers for all who look."""
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._reading = 0
+
+    async def answer(self, request: Request) -> Response:
+        """Return the frames of a line; 404 for a line that there is not, 503 where none are kept."""
+        line: str = request.path_params["name"]
+        plan = self._window.plan()
+        names = [] if plan is None else [each.name for each in plan.lines]
+        if plan is None or line not in names:
+            return not_there(f"/frames/{shortened(line)}", [f"/frames/{name}" for name in names])
+        if self._reading >= AT_ONCE:
+            return problem(503, "others look at the frames; try again in a moment", {"Retry-After": "1"})
+        self._reading += 1
+        try:
+            frames = await aside(partial(read_frames, self._window.state, plan, line))
+        except (NoGatewayError, NoCaptureError, SocketError) as error:
+            return problem(503, str(error))
+        finally:
+            self._reading -= 1
+        return json_answer({"line": line, "frames": frames})
+
+
+def read_frames(state: Path, plan: GatewayPlan, line: str) -> list[dict[str, Any]]:
+    """Return the newest frames of a line, oldest first, each with its time, its side and its words.
+
+    Raises:
+        NoGatewayError, NoCaptureError, SocketError: there is nothing to look into.
+    """
+    capture = Capture(socket_path(state), line)
+    try:
+        reader, frames = Reader(plan), []
+        for t_ns, entry in capture.newest(SHOWN):
+            if isinstance(entry, traffic.Header | traffic.End | traffic.Port | traffic.Beginning):
+                continue
+            kind = traffic.kind_of(entry)
+            time_s = capture.wall_ns(t_ns) / NS_PER_S
+            frames.append(
+                {
+                    "time": datetime.fromtimestamp(time_s, UTC).isoformat(timespec="milliseconds"),
+                    "kind": kind,
+                    "side": SIDES.get(kind, ""),
+                    "words": reader.text(entry).lstrip(),
+                }
+            )
+        return frames
+    finally:
+        capture.close()
+
+
+# --- ``/history/AXIS`` and ``/history/AXIS.csv``: where an axis was, read beside the loop
+
+MINUTES: Final = 10
+"""Where nothing else is asked for."""
+MOST_MINUTES: Final = DAY_S // 60
+CSV: Final = ".csv"
+MEDIA_TYPE: Final = "text/csv; charset=utf-8; header=present"
+FILES_AT_ONCE: Final = 2
+"""So many are read at the same time; the next one waits."""
+
+
+class Histories:
+    """Answers for all who look."""
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._turn = asyncio.Semaphore(FILES_AT_ONCE)
+
+    async def answer(self, request: Request) -> Response:
+        """Return the past of an axis; 404 for an axis that there is not."""
+        name: str = request.path_params["name"]
+        axis, is_csv = name.removesuffix(CSV), name.endswith(CSV)
+        asked = request.query_params.get("minutes", str(MINUTES))
+        if not asked.isascii() or not asked.isdigit() or not 1 <= int(asked[:9]) <= MOST_MINUTES:
+            return problem(400, f"minutes={shortened(asked)}; allowed: 1 to {MOST_MINUTES}")
+        async with self._turn:
+            found = await self._window.history(axis, 60.0 * int(asked))
+        model = self._window.feeds.model
+        axes = model["axes"] if model else {}
+        if found is None or axis not in axes:
+            names = [f"/history/{there}{CSV if is_csv else ''}" for there in axes]
+            return not_there(f"/history/{shortened(name)}", names)
+        if is_csv:
+            file = f"{axis}-{time_text(time.time()).replace(':', '')}{CSV}"
+            headers = {**NO_STORE, "Content-Disposition": f'attachment; filename="{file}"'}
+            return Response(_csv(found, axes[axis]["units"]), headers=headers, media_type=MEDIA_TYPE)
+        now_s = time.time()
+        return json_answer(
+            {
+                "axis": axis,
+                "ages_s": [round(now_s - noted.wall_s, 1) for noted in found],
+                "nominal": [noted.nominal for noted in found],
+                "correction": [_rounded(noted.correction) for noted in found],
+            }
+        )
+
+
+def _csv(found: Sequence[Noted], units: str) -> str:
+    head = f"time,nominal_{units},correction_{units},compensation\r\n"
+    return head + "".join(f"{time_text(noted.wall_s)},{values_text(noted)}\r\n" for noted in found)
+
+
+def _rounded(correction: float | None) -> float | None:
+    return None if correction is None else round(correction, 7)

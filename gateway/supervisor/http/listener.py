@@ -1,0 +1,553 @@
+"""One listener of the page: its connections, handshakes, and who is let in."""
+
+import asyncio
+import contextlib
+import logging
+import socket
+import ssl
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, cast
+
+import h11
+from starlette.types import ASGIApp
+from uvicorn import Config
+from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
+from uvicorn.server import ServerState
+
+from gateway.config.files import TLS_KEY, NamedFileError, path_of, server_context
+from gateway.config.http_model import HttpSection, HttpTlsSection, TokenSection
+from gateway.supervisor.http.answers import (
+    HEAD_BYTES,
+    SEND_BUFFER_BYTES,
+    WRITE_HIGH_BYTES,
+    Limits,
+    json_bytes,
+    shortened,
+)
+from gateway.supervisor.http.refusals import Refused, site_of, tell_nobody
+from gateway.transport.certificate_ends import Held, read_held
+from gateway.transport.endpoints import TcpEndpoint
+
+# --- One connection: uvicorn's HTTP/1.1, with an end to everything that somebody could keep waiting
+
+LEAVING_S: Final = 2.0
+"""For somebody to notice that nobody listens any more."""
+_ASKING: Final = frozenset((h11.IDLE, h11.SEND_BODY))
+"""States of the other side in which a request is not whole yet."""
+
+
+def last_words(status: str, what: str) -> bytes:
+    """Return a whole answer after which the connection is closed, for where no request can be answered."""
+    body = json_bytes({"problem": what})
+    head = (
+        f"HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {len(body)}\r\n"
+        "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n"
+    )
+    return head.encode("ascii") + body
+
+
+class Connection(H11Protocol):
+    """A connection that may be told to go; :meth:`is_overdue` says when it has to.
+
+    ``make_room`` says whether there is room for it, once it is made. ``refused`` is told where there is none,
+    and of what is no request.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        state: ServerState,
+        limits: Limits,
+        make_room: Callable[[], bool],
+        refused: Refused,
+    ) -> None:
+        super().__init__(config=config, server_state=state, app_state={})
+        self._limits = limits
+        self._make_room = make_room
+        self._refused = refused
+        now_s = time.monotonic()
+        self.quiet_since_s = now_s
+        """When it was opened, or when its last answer was whole; for whoever has to make room."""
+        self._asking_since_s: float | None = now_s
+        self._stalled_since_s: float | None = None
+        self._closing_since_s: float | None = None
+        self._leaving_since_s: float | None = None
+        """It has had its last words, and what it still sends is not looked at."""
+        self._has_begun = False
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing is being answered."""
+        cycle: RequestResponseCycle | None = self.cycle
+        return cycle is None or cycle.response_complete
+
+    @property
+    def stalled_since_s(self) -> float | None:
+        """Since when the other side has taken nothing of its answer; None: it takes it."""
+        return self._stalled_since_s
+
+    @property
+    def peer(self) -> str:
+        """The address of the other side."""
+        return self.client[0] if self.client else ""
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether a request has begun that is not whole yet."""
+        return self._has_begun and self._asking_since_s is not None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        transport = cast("asyncio.Transport", transport)
+        connection: socket.socket = transport.get_extra_info("socket")
+        with contextlib.suppress(OSError):  # it has gone already
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        transport.set_write_buffer_limits(high=WRITE_HIGH_BYTES)
+        certificate = transport.get_extra_info("peercert")
+        if certificate:  # it was verified in the handshake
+            self.app_state["certificate"] = name_in(certificate)
+        has_room = self._make_room()
+        super().connection_made(transport)
+        if not has_room:
+            self.connections.discard(self)
+            self._refused(self.peer, "too many connections at once")
+            transport.write(last_words("503 Service Unavailable", "too many connections; try again later"))
+            transport.close()
+
+    def data_received(self, data: bytes) -> None:
+        """See ``asyncio.Protocol``."""
+        if self.transport.is_closing() or self._leaving_since_s is not None:
+            return
+        self._has_begun = True
+        super().data_received(data)
+        if self.conn.their_state not in _ASKING:
+            self._asking_since_s = None
+        elif self._asking_since_s is None:
+            self._asking_since_s = time.monotonic()
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what is no request of HTTP, or one that is too large, and close."""
+        if not self.is_idle:
+            self.transport.abort()  # nothing sensible can be said in the middle of an answer
+            return
+        waiting, _ = self.conn.trailing_data
+        if len(waiting) > HEAD_BYTES:
+            what = f"the head of a request may have {HEAD_BYTES} bytes"
+            self.transport.write(last_words("431 Request Header Fields Too Large", what))
+        else:
+            what = "that is no request of HTTP/1.1"
+            self.transport.write(last_words("400 Bad Request", what))
+        self._refused(self.peer, what)
+        self._leaving_since_s = time.monotonic()
+        # Not closed at once: bytes that nobody read would have the system throw the answer away.
+        if self.transport.can_write_eof():
+            self.transport.write_eof()
+        elif len(waiting) <= HEAD_BYTES:  # TLS cannot close one way only, and hardly anything is unread here
+            self.transport.close()
+
+    def on_response_complete(self) -> None:
+        """See ``H11Protocol``."""
+        self.quiet_since_s = time.monotonic()
+        super().on_response_complete()
+
+    def pause_writing(self) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        self._stalled_since_s = time.monotonic()
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        self._stalled_since_s = None
+        super().resume_writing()
+
+    def is_overdue(self, now_s: float) -> bool:
+        """Whether it has kept somebody waiting for longer than its limits allow."""
+        limits = self._limits
+        if self._closing_since_s is None and self.transport.is_closing():
+            self._closing_since_s = now_s
+        return (
+            _is_past(self._asking_since_s, limits.whole_request_s, now_s)
+            or _is_past(self._leaving_since_s, LEAVING_S, now_s)
+            or _is_past(self._stalled_since_s, limits.stalled_s, now_s)
+            or _is_past(self._closing_since_s, limits.stalled_s, now_s)
+        )
+
+    def drop(self) -> None:
+        """Close it at once; what was not sent yet is lost."""
+        self.transport.abort()
+
+    def leave(self) -> None:
+        """Close it; what waits for somebody who does not take it is lost."""
+        self.transport.close()
+        if self.transport.get_write_buffer_size():
+            self.transport.abort()
+
+    def give_way(self) -> None:
+        """Make room for another connection."""
+        self.connections.discard(self)
+        self.transport.abort()
+
+
+def name_in(certificate: Mapping[str, Any]) -> str:
+    """Return whom a certificate is for, for the log.
+
+    >>> name_in({"subject": ((("organizationName", "Mills"),), (("commonName", "panel"),))})
+    'panel'
+    """
+    names = [value for part in certificate.get("subject", ()) for key, value in part if key == "commonName"]
+    return shortened(names[0]) if names else "without a name"
+
+
+def _is_past(since_s: float | None, longest_s: float, now_s: float) -> bool:
+    return since_s is not None and now_s - since_s > longest_s
+
+
+def silent_config(app: Any, keep_alive_s: int) -> Config:
+    """Return settings of uvicorn with which it serves, and neither logs nor guesses who asks."""
+    config = Config(
+        app,
+        http=H11Protocol,
+        ws="none",
+        lifespan="off",
+        interface="asgi3",
+        log_config=None,
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+        date_header=False,
+        timeout_keep_alive=keep_alive_s,
+        h11_max_incomplete_event_size=HEAD_BYTES,
+    )
+    config.load()
+    return config
+
+
+# --- An open listener: the connections that came in by it, and who has to go
+
+
+def silence_uvicorn() -> None:
+    """Keep uvicorn's own words out of the log: what is wrong with requests is their senders' to know."""
+    for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
+        logger = logging.getLogger(name)
+        logger.handlers = [logging.NullHandler()]
+        logger.propagate = False
+
+
+class Door:
+    """Makes connections for a server of asyncio, and holds them to their limits.
+
+    :meth:`watch` has to run while it is open, :meth:`close` ends it.
+    """
+
+    def __init__(self, limits: Limits, refused: Refused = tell_nobody) -> None:
+        self.limits = limits
+        self.refused = refused
+        self.event_readers = 0
+        self._state = ServerState()
+
+    def serve(self, app: ASGIApp) -> None:
+        """Answer with ``app`` from now on; before the first connection comes."""
+        silence_uvicorn()
+        self._config = silent_config(app, self.limits.keep_alive_s)
+
+    def connection(self) -> Connection:
+        """Return the protocol of a new connection."""
+        return Connection(self._config, self._state, self.limits, self.make_room, self.refused)
+
+    @property
+    def _connections(self) -> list[Connection]:
+        return [one for one in self._state.connections if isinstance(one, Connection)]
+
+    def make_room(self) -> bool:
+        """Whether one more connection may come; where there are too many another one goes for it.
+
+        That is the one that has been idle for longest; where none is, the one that has taken nothing of its
+        answer for longest. Else whoever asks much and reads nothing would keep everybody out.
+        """
+        connections = self._connections
+        if len(connections) < self.limits.connections:
+            return True
+        idle = [one for one in connections if one.is_idle]
+        stalled = [(since_s, one) for one in connections if (since_s := one.stalled_since_s) is not None]
+        if idle:
+            longest, which = min(idle, key=lambda one: one.quiet_since_s), "asked nothing"
+        elif stalled:
+            (_, longest), which = min(stalled, key=lambda pair: pair[0]), "took nothing of its answer"
+        else:
+            return False
+        self.refused(longest.peer, f"too many connections at once: the one that {which} for longest")
+        longest.give_way()
+        return True
+
+    @contextlib.contextmanager
+    def event_reader(self) -> Iterator[bool]:
+        """Count one reader of ``/events`` while it reads; yields whether there is room for it."""
+        has_room = self.event_readers < self.limits.event_readers
+        self.event_readers += has_room
+        try:
+            yield has_room
+        finally:
+            self.event_readers -= has_room
+
+    async def watch(self) -> None:
+        """Drop connections that are overdue, until cancelled."""
+        while True:
+            await asyncio.sleep(self.limits.sweep_s)
+            now_s = time.monotonic()
+            for one in self._connections:
+                if one.is_overdue(now_s):
+                    if one.is_slow:
+                        self.refused(one.peer, "a request that never came whole")
+                    one.drop()
+
+    async def close(self) -> None:
+        """Drop everybody; what was answered is on its way, what is being answered is not."""
+        for one in self._connections:
+            one.leave()
+        tasks = list(self._state.tasks)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+# --- A listener that speaks TLS: handshakes are few at once and end in time, so that none keeps others out
+
+HANDSHAKE_S: Final = 10.0
+SHUTDOWN_S: Final = 2.0
+"""For the other side to take its leave."""
+PAUSE_S: Final = 0.5
+"""After an accept that failed, as without a free descriptor."""
+BACKLOG: Final = 128
+
+
+_DISTRUST: Final = frozenset(
+    f"{version}_ALERT_{what}"
+    for version in ("SSLV3", "TLSV1", "TLSV13")
+    for what in ("BAD_CERTIFICATE", "CERTIFICATE_UNKNOWN", "CERTIFICATE_EXPIRED", "UNKNOWN_CA")
+)
+"""What a browser says before its user has been asked, and every client to which the authority is unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandshakeLimits:
+    """How many handshakes may go on at once; for one more the oldest ends."""
+
+    at_once: int = 64
+    from_one_site: int = 16
+    time_s: float = HANDSHAKE_S
+
+
+class TlsListener:
+    """Accepts on bound sockets, which it closes at its end; :meth:`run` runs until cancelled.
+
+    asyncio's own server lets any number of connections be in a handshake, and tells nobody of them.
+    """
+
+    def __init__(
+        self,
+        sockets: Iterable[socket.socket],
+        context: ssl.SSLContext,
+        protocol: Callable[[], asyncio.Protocol],
+        refused: Refused,
+        limits: HandshakeLimits,
+    ) -> None:
+        self._sockets = list(sockets)
+        self._context = context
+        self._protocol = protocol
+        self._refused = refused
+        self._limits = limits
+        self._shaking: dict[asyncio.Task[None], str] = {}
+        """The handshakes that go on, the oldest first, with where each comes from."""
+        for one in self._sockets:
+            one.setblocking(False)
+            one.listen(BACKLOG)
+
+    @property
+    def handshakes(self) -> int:
+        """How many go on."""
+        return len(self._shaking)
+
+    async def run(self) -> None:
+        """Accept until cancelled."""
+        try:
+            async with asyncio.TaskGroup() as group:
+                for one in self._sockets:
+                    group.create_task(self._accept(one))
+        finally:
+            for one in self._sockets:
+                one.close()
+            shaking = list(self._shaking)
+            for task in shaking:
+                task.cancel()
+            await asyncio.gather(*shaking, return_exceptions=True)
+
+    async def _accept(self, listening: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        somebody = asyncio.Event()
+        loop.add_reader(listening.fileno(), somebody.set)
+        try:
+            while True:
+                # Not `sock_accept`: cancelled in the wrong turn it has a connection, and gives it to nobody.
+                await somebody.wait()
+                somebody.clear()
+                try:
+                    connection, address = listening.accept()
+                except (BlockingIOError, InterruptedError):
+                    continue
+                except OSError:
+                    # Whoever waits stays there, and would have us called without end.
+                    loop.remove_reader(listening.fileno())
+                    await asyncio.sleep(PAUSE_S)
+                    loop.add_reader(listening.fileno(), somebody.set)
+                    continue
+                self._take(connection, site_of(address[0]))
+                await asyncio.sleep(0)  # the handshakes have their turn too
+        finally:
+            loop.remove_reader(listening.fileno())
+
+    def _take(self, connection: socket.socket, site: str) -> None:
+        self._make_room(site)
+        connection.setblocking(False)
+        task = asyncio.create_task(self._shake(connection, site))
+        self._shaking[task] = site
+        task.add_done_callback(partial(self._shaken, connection))
+
+    def _shaken(self, connection: socket.socket, task: "asyncio.Task[None]") -> None:
+        self._shaking.pop(task, None)
+        if task.cancelled():  # perhaps before it began
+            _close(connection)
+
+    def _make_room(self, site: str) -> None:
+        """End the oldest handshake from where too many come, or of all where there are too many."""
+        of_site = [task for task, other in self._shaking.items() if other == site]
+        if len(of_site) >= self._limits.from_one_site:
+            oldest = of_site[0]
+        elif len(self._shaking) >= self._limits.at_once:
+            oldest = next(iter(self._shaking))
+        else:
+            return
+        self._refused(self._shaking.pop(oldest), "too many TLS handshakes at once")
+        oldest.cancel()
+
+    async def _shake(self, connection: socket.socket, site: str) -> None:
+        is_open = False
+        try:
+            await asyncio.get_running_loop().connect_accepted_socket(
+                self._protocol,
+                connection,
+                ssl=self._context,
+                ssl_handshake_timeout=self._limits.time_s,
+                ssl_shutdown_timeout=SHUTDOWN_S,
+            )
+            is_open = True
+        except OSError as error:
+            self._refused(site, _why(error))
+        finally:
+            if not is_open:
+                _close(connection)
+
+
+def _close(connection: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        connection.close()
+
+
+def _why(error: OSError) -> str:
+    """Return why a handshake came to nothing, in words without anything that the other side sent.
+
+    >>> _why(ConnectionResetError(104, "Connection reset by peer"))
+    'no TLS: the other side went away'
+    """
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return f"its certificate: {error.verify_message}"
+    if isinstance(error, ssl.SSLError) and error.reason in _DISTRUST:
+        return "the other side did not take the certificate of the page"
+    if isinstance(error, ssl.SSLError):
+        return f"no TLS: {(error.reason or 'not understood').lower().replace('_', ' ')}"
+    if isinstance(error, ConnectionAbortedError):
+        return "the TLS handshake never ended"
+    return "no TLS: the other side went away"
+
+
+# --- Where the page is wanted, and for whom: what a configuration says, with the files that it names
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Two that are equal need nothing to be done."""
+
+    endpoint: TcpEndpoint
+    tokens: tuple[TokenSection, ...]
+    tls: HttpTlsSection | None
+    gateway: str
+    """Its name."""
+    folder: Path
+    """That the files are relative to."""
+    seen: tuple[tuple[int, int, int] | None, ...]
+    """How the files of TLS looked: renewed ones are others."""
+
+    @property
+    def asks_who(self) -> bool:
+        """Whether requests have to show who asks; where certificates say it, the handshake sees to that."""
+        return bool(self.tokens)
+
+    @property
+    def address(self) -> str:
+        """Where it is, for people."""
+        return f"{'http' if self.tls is None else 'https'}://{self.endpoint}"
+
+    @property
+    def cookie(self) -> str:
+        """Name of a session's cookie: a browser has one store for all gateways behind one host.
+
+        On one machine they differ by port, behind one proxy by name.
+        """
+        return f"{'' if self.tls is None else '__Host-'}pitch-gateway-{self.gateway}-{self.endpoint.port}"
+
+    def context(self) -> ssl.SSLContext | None:
+        """Return what TLS needs, None without; blocks. Raises NamedFileError."""
+        if self.tls is None:
+            return None
+        return server_context(self.tls, self.folder, needs_client=not self.tokens)
+
+    def held(self) -> tuple[Held, ...]:
+        """Return what is in the files of TLS, with its times; blocks. Raises NamedFileError."""
+        if self.tls is None:
+            return ()
+        named = {
+            "certificate": self.tls.certificate,
+            "clients": self.tls.clients,
+            "revoked": self.tls.revoked,
+        }
+        return read_held(
+            {
+                key: path_of((*TLS_KEY, key), file, self.folder).absolute()
+                for key, file in named.items()
+                if file is not None
+            }
+        )
+
+
+def wanted_by(section: HttpSection, gateway: str, folder: Path) -> Wanted | None:
+    """Return what a section wants for the gateway of that name; None: no page over TCP.
+
+    Its files are relative to ``folder``.
+    """
+    endpoint, tls = section.endpoint, section.tls
+    if endpoint is None:
+        return None
+    files = () if tls is None else (tls.certificate, tls.key, tls.clients, tls.revoked)
+    seen = tuple(_look_at(file, folder) for file in files)
+    return Wanted(endpoint, section.tokens, tls, gateway, folder, seen)
+
+
+def _look_at(file: str | None, folder: Path) -> tuple[int, int, int] | None:
+    try:
+        status = path_of(TLS_KEY, file, folder).stat() if file is not None else None
+    except (NamedFileError, OSError):
+        return None
+    return None if status is None else (status.st_ino, status.st_size, status.st_mtime_ns)

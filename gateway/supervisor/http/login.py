@@ -1,0 +1,411 @@
+"""Who may look and what a token allows: tokens, sessions, and the way in."""
+
+import asyncio
+import hmac
+import json
+import math
+import secrets
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Final
+
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+from starlette.types import Scope
+
+from gateway.catalogue.publishing_events import HTTP_REFUSED, TOKEN_REFUSED
+from gateway.config.files import NamedFileError, path_of, read_token
+from gateway.config.http_model import TokenSection
+from gateway.supervisor.http.answers import JSON, json_answer, problem, shortened
+from gateway.supervisor.http.documents import Window
+from gateway.supervisor.http.refusals import Refusals, WrongTries
+from gateway.supervisor.page import LOGIN_FILES
+
+# --- The tokens that are in force: read from their files, again as soon as those change, and never shown
+
+SETTLED_NS: Final = 2_000_000_000
+"""A file that was written later than so long ago is read each time: two saves can have one time."""
+Seen = tuple[int, int, int, int]
+
+
+@dataclass(slots=True)
+class _File:
+    """One token as its file had it when it was looked at last."""
+
+    key: tuple[str | int, ...]
+    section: TokenSection
+    seen: Seen | None = None
+    digest: bytes = b""
+    """SHA-256 of the token; empty: there is none that could be used, and nobody gets in by it."""
+    problem: str | None = None
+
+
+class Tokens:
+    """Tells whose token one is. Files are small and local: they are looked at on the loop."""
+
+    def __init__(
+        self, sections: Iterable[TokenSection], folder: Path, complain: Callable[[str], None]
+    ) -> None:
+        self._folder = folder
+        self._complain = complain
+        self._files = [
+            _File(("http", "tokens", index, "file"), section) for index, section in enumerate(sections)
+        ]
+        self.look()
+
+    @property
+    def problems(self) -> list[str]:
+        """Why tokens cannot be used, a sentence each."""
+        return [file.problem for file in self._files if file.problem is not None]
+
+    def look(self) -> None:
+        """Read the files that have changed; a token that is in its file no more is in force no more."""
+        for file in self._files:
+            try:
+                seen = _look_at(path_of(file.key, file.section.file, self._folder))
+                if seen is None or seen != file.seen:
+                    token = read_token(file.key, file.section.file, self._folder)
+                    file.digest, file.seen, file.problem = _digest(token), seen, None
+            except NamedFileError as error:
+                why = f'token "{file.section.name}": {error}'
+                is_new = why != file.problem
+                file.digest, file.seen, file.problem = b"", None, why
+                if is_new:
+                    self._complain(why)
+
+    def name_of(self, token: str) -> str | None:
+        """Return whose token this is; takes as long for a wrong one as for a right one."""
+        digest, found = _digest(token), None
+        for file in self._files:
+            if hmac.compare_digest(digest, file.digest):
+                found = file.section.name
+        return found
+
+    def may_acknowledge(self, name: str) -> bool:
+        """Whether the token of a name has the right to acknowledge alarms."""
+        return any(file.section.name == name and file.section.acknowledge for file in self._files)
+
+    def digest_of(self, name: str) -> bytes:
+        """Return what the token of a name is known by; empty where there is none."""
+        return next((file.digest for file in self._files if file.section.name == name), b"")
+
+
+def _digest(token: str) -> bytes:
+    return sha256(token.encode("utf-8", "surrogatepass")).digest()
+
+
+def _look_at(path: Path) -> Seen | None:
+    """Return by what a change of a file is noticed; None: it has to be read to know."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    if time.time_ns() - max(status.st_mtime_ns, status.st_ctime_ns) < SETTLED_NS:
+        return None
+    # The time of change counts too: with it comes another mode, by which others may read it.
+    return status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+
+
+# --- Sessions of browsers: a person shows the token once, and the browser a random number from then on
+
+LIFE_S: Final = 12 * 3600.0
+"""A shift and the way home."""
+MOST: Final = 64
+"""At once; for one more the oldest ends."""
+_BYTES: Final = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """One browser that is let in."""
+
+    token: str
+    """Name of the token that was shown for it."""
+    digest: bytes
+    """What that token was known by: with another one in its file the session is over."""
+    ends_s: float
+    """On the monotonic clock."""
+
+
+class Sessions:
+    """Kept here only: a restart ends all of them. Known by digests, so that a look-up tells nothing."""
+
+    def __init__(self) -> None:
+        self._sessions: OrderedDict[bytes, Session] = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self._sessions)
+
+    def open(self, token: str, digest: bytes, now_s: float) -> str:
+        """Begin a session; returns what the browser has to show for it."""
+        value = secrets.token_urlsafe(_BYTES)
+        while len(self._sessions) >= MOST:
+            self._sessions.popitem(last=False)
+        self._sessions[_key(value)] = Session(token, digest, now_s + LIFE_S)
+        return value
+
+    def find(self, value: str, now_s: float) -> Session | None:
+        """Return the session of what a browser shows; None where there is none, or not any more."""
+        session = self._sessions.get(_key(value))
+        if session is not None and session.ends_s <= now_s:
+            self.close(value)
+            return None
+        return session
+
+    def has(self, session: Session, now_s: float) -> bool:
+        """Whether a session goes on."""
+        return session.ends_s > now_s and any(session is one for one in self._sessions.values())
+
+    def close(self, value: str) -> None:
+        """End a session."""
+        self._sessions.pop(_key(value), None)
+
+
+def _key(value: str) -> bytes:
+    return sha256(value.encode("utf-8", "surrogatepass")).digest()
+
+
+# --- Who may look, where that is not everybody: a token, a session that one was shown for, or a certificate
+
+LOOK_S: Final = 1.0
+"""How soon somebody who stays is out when his token, or his session, is no more."""
+OPEN_TO_ALL: Final = frozenset(("/", "/healthz", "/login", *(f"/page/{name}" for name in LOGIN_FILES)))
+"""What strangers see: the page that asks for the token, and whether the gateway is well, without why not."""
+CHALLENGE: Final = {"WWW-Authenticate": 'Bearer realm="pitch-gateway"'}
+_CLOSE: Final = {"Connection": "close"}
+
+
+@dataclass(frozen=True, slots=True)
+class Visitor:
+    """Somebody who may look."""
+
+    name: str
+    """Of his token, or in his certificate."""
+    how: str
+    """``token``, ``session`` or ``certificate``."""
+    session: Session | None = None
+    digest: bytes = b""
+    """What his token is known by."""
+
+
+class Access:
+    """Says of each request whose it is, before anybody looks at what it asks for."""
+
+    def __init__(
+        self,
+        tokens: Tokens,
+        sessions: Sessions,
+        refusals: Refusals,
+        cookie: str,
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.cookie = cookie
+        """The name of the cookie; one that begins with ``__Host-`` is for TLS."""
+        self._tokens = tokens
+        self._sessions = sessions
+        self._refusals = refusals
+        self._tries = WrongTries()
+        self._clock_s = clock_s
+
+    def refusal(self, scope: Scope) -> Response | None:
+        """Return why a request may not pass, else None: its ``state`` then has the ``visitor``."""
+        if scope["method"] == "POST" and (why := _why_cross_site(scope)) is not None:
+            self._refusals.note(HTTP_REFUSED, peer_of(scope), why, self._clock_s())
+            return problem(403, why, _CLOSE)
+        token = _bearer(scope)
+        if token is not None:
+            found = self.try_token(token, peer_of(scope))
+            if isinstance(found, Response):
+                return found
+            scope["state"]["visitor"] = found
+            return None
+        visitor = self._by_certificate(scope) or self._by_session(scope)
+        if visitor is None and scope["path"] not in OPEN_TO_ALL:
+            self._refusals.note(HTTP_REFUSED, peer_of(scope), "no token, and no session", self._clock_s())
+            return problem(401, "show a token: Authorization: Bearer …, or log in at /", CHALLENGE)
+        scope["state"]["visitor"] = visitor
+        return None
+
+    def try_token(self, token: str, peer: str) -> Visitor | Response:
+        """Return whose token it is, or the answer to a wrong one."""
+        now_s = self._clock_s()
+        if (wait_s := self._tries.shut_s(peer, now_s)) > 0.0:
+            self._refusals.note(TOKEN_REFUSED, peer, "too many wrong tokens: not looked at", now_s)
+            what = "too many wrong tokens came from your address; try again later"
+            return problem(429, what, {"Retry-After": str(math.ceil(wait_s))})
+        self._tokens.look()
+        name = self._tokens.name_of(token)
+        if name is None:
+            self._tries.note(peer, token, now_s)
+            self._refusals.note(TOKEN_REFUSED, peer, "a wrong token", now_s)
+            return problem(401, "that is no token of this gateway", CHALLENGE)
+        return Visitor(name, "token", digest=self._tokens.digest_of(name))
+
+    def log_in(self, visitor: Visitor) -> str:
+        """Begin a session; returns the ``Set-Cookie`` of it."""
+        value = self._sessions.open(visitor.name, visitor.digest, self._clock_s())
+        return self._set_cookie(value, int(LIFE_S))
+
+    def log_out(self, scope: Scope) -> str:
+        """End the session of a request; returns the ``Set-Cookie`` that takes it away."""
+        for value in self._shown(scope):
+            self._sessions.close(value)
+        return self._set_cookie("", 0)
+
+    def ends_in_s(self, visitor: Visitor) -> float | None:
+        """Return how long a session will still be; None: it is none."""
+        return None if visitor.session is None else visitor.session.ends_s - self._clock_s()
+
+    def may_acknowledge(self, visitor: Visitor) -> bool:
+        """Whether a visitor may acknowledge alarms: by a token that has the right, never by a certificate."""
+        return visitor.how != "certificate" and self._tokens.may_acknowledge(visitor.name)
+
+    def is_still_in(self, visitor: Visitor) -> bool:
+        """Whether somebody who was let in would be let in again."""
+        if visitor.how == "certificate":
+            return True
+        session = visitor.session
+        if session is not None and not self._sessions.has(session, self._clock_s()):
+            return False
+        self._tokens.look()
+        return self._tokens.digest_of(visitor.name) == visitor.digest
+
+    async def until_out(self, visitor: Visitor) -> None:
+        """Wait until a visitor would not be let in any more."""
+        while self.is_still_in(visitor):  # noqa: ASYNC110 - a file tells nobody
+            await asyncio.sleep(LOOK_S)
+
+    def _by_certificate(self, scope: Scope) -> Visitor | None:
+        name = scope["state"].get("certificate")
+        return None if name is None else Visitor(name, "certificate")
+
+    def _by_session(self, scope: Scope) -> Visitor | None:
+        for value in self._shown(scope):
+            session = self._sessions.find(value, self._clock_s())
+            if session is not None:
+                visitor = Visitor(session.token, "session", session, session.digest)
+                if self.is_still_in(visitor):
+                    return visitor
+                self._sessions.close(value)
+        return None
+
+    def _shown(self, scope: Scope) -> Iterator[str]:
+        for name, value in scope["headers"]:
+            if name == b"cookie":
+                for part in value.decode("latin-1").split(";"):
+                    key, _, shown = part.strip().partition("=")
+                    if key == self.cookie:
+                        yield shown
+
+    def _set_cookie(self, value: str, age_s: int) -> str:
+        secure = "; Secure" if self.cookie.startswith("__Host-") else ""
+        return f"{self.cookie}={value}; Path=/; Max-Age={age_s}; HttpOnly; SameSite=Strict{secure}"
+
+
+def peer_of(scope: Scope) -> str:
+    """Return the address that a request came from."""
+    return scope["client"][0] if scope.get("client") else ""
+
+
+def _header(scope: Scope, wanted: bytes) -> list[str]:
+    return [value.decode("latin-1") for name, value in scope["headers"] if name == wanted]
+
+
+def _bearer(scope: Scope) -> str | None:
+    """Return the token that a request shows, None for none: what a proxy in front asks for is not ours."""
+    tokens = [
+        value[7:].strip() for value in _header(scope, b"authorization") if value[:7].lower() == "bearer "
+    ]
+    return " ".join(tokens) if tokens else None  # several of them are no token
+
+
+def _why_cross_site(scope: Scope) -> str | None:
+    """Return why a POST is not of our own page: browsers say where theirs come from, others say nothing."""
+    sites = _header(scope, b"sec-fetch-site")
+    if sites:
+        return None if sites == ["same-origin"] else "a page from elsewhere may not ask for that"
+    hosts = _header(scope, b"host")
+    for origin in _header(scope, b"origin"):
+        if origin.partition("://")[2].lower() not in [host.lower() for host in hosts]:
+            return "a page from elsewhere may not ask for that"
+    return None
+
+
+# --- What a person with a browser asks for: ``/login``, ``/logout``, ``/session`` and ``/acknowledge``
+
+NOBODY: dict[str, object] = {"by": None, "how": None, "ends_in_s": None, "may_acknowledge": False}
+
+
+class Entrance:
+    """Answers of one listener; ``access`` is None where everybody may look."""
+
+    def __init__(self, access: Access | None, window: Window) -> None:
+        self._access = access
+        self._window = window
+
+    async def session(self, request: Request) -> Response:
+        """Say who looks, where that had to be shown."""
+        visitor: Visitor | None = getattr(request.state, "visitor", None)
+        if self._access is None or visitor is None:
+            return json_answer(NOBODY)
+        ends_in_s = self._access.ends_in_s(visitor)
+        may = self._access.may_acknowledge(visitor)
+        return json_answer(
+            {"by": visitor.name, "how": visitor.how, "ends_in_s": ends_in_s, "may_acknowledge": may}
+        )
+
+    async def log_in(self, request: Request) -> Response:
+        """Take a token, once, for a session."""
+        assert self._access is not None, "only where tokens are asked for"
+        asked = await _asked(request, ("token",))
+        if isinstance(asked, Response):
+            return asked
+        found = self._access.try_token(asked["token"].strip(), peer_of(request.scope))
+        if isinstance(found, Response):
+            return found
+        return json_answer({"by": found.name}, headers={"Set-Cookie": self._access.log_in(found)})
+
+    async def log_out(self, request: Request) -> Response:
+        """End the session."""
+        assert self._access is not None, "only where tokens are asked for"
+        return json_answer({}, headers={"Set-Cookie": self._access.log_out(request.scope)})
+
+    async def acknowledge(self, request: Request) -> Response:
+        """Note that somebody has seen an alarm: the one thing that can be changed over TCP."""
+        assert self._access is not None, "only where tokens are asked for"
+        visitor: Visitor = request.state.visitor
+        if not self._access.may_acknowledge(visitor):
+            what = f'"{visitor.name}" may look only; a token with acknowledge = true may acknowledge'
+            return problem(403, what)
+        asked = await _asked(request, ("kind", "where", "since"))
+        if isinstance(asked, Response):
+            return asked
+        done = self._window.acknowledge(asked["kind"], asked["where"], asked["since"], visitor.name)
+        if done is None:
+            what = f"there is no such alarm: {shortened(asked['kind'])}, {shortened(asked['where'])}"
+            return problem(404, f"{what}; it may have ended, or be another one by now")
+        return json_answer(done.as_data())
+
+
+async def _asked(request: Request, keys: Sequence[str]) -> dict[str, str] | Response:
+    """Return the texts that a request brings as JSON, or what to answer where it brings something else."""
+    example = ", ".join(f'"{key}": "…"' for key in keys)
+    if request.headers.get("content-type", "").partition(";")[0].strip().lower() != JSON:
+        return problem(415, f"send {JSON}: {{{example}}}")
+    try:
+        asked = json.loads(await request.body())
+    except (ValueError, RecursionError):
+        asked = None
+    except ClientDisconnect:
+        return problem(400, "the connection was closed before the body was whole")
+    if (
+        not isinstance(asked, dict)
+        or asked.keys() != set(keys)
+        or not all(isinstance(text, str) for text in asked.values())
+    ):
+        return problem(400, f"send {{{example}}}, and nothing else")
+    return asked
