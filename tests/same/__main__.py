@@ -114,7 +114,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=SEEDS, help="of the ledger (%(default)s)")
     parser.add_argument("--requests", type=int, default=REQUESTS, help="of each seed (%(default)s)")
     parser.add_argument(
-        "--only", default="", help="plays whose name begins so: ledger, session, fuzz, world, commands"
+        "--only", default="", help="plays whose name begins so: ledger, session, fuzz, world, plan, commands"
     )
     asked = parser.parse_args()
     baseline = _baseline()

@@ -9,8 +9,12 @@ import random
 from collections.abc import Callable, Iterator
 from contextlib import AsyncExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from gateway.config.load import load
+from gateway.config.problems import ConfigErrors
+from gateway.drives.library import names
 from gateway.exchange import line as exchange_line
 from gateway.exchange.line import LineExchange
 from tests.contract.bench import SESSIONS, DriveBench
@@ -80,6 +84,45 @@ def fuzzed(name: str) -> Iterator[str]:
     TARGETS[target].run(Path(CORPUS, target, file).read_bytes())
     yield from lines
     yield "taken"
+
+
+def plans() -> list[str]:
+    """Return what configurations are compiled of: one with every key, and one for each drive profile."""
+    return ["every-key", *names()]
+
+
+def plan(name: str) -> Iterator[str]:
+    """Compile a configuration; yield the plan that is made of it, a line for each value."""
+    text = Path(__file__).with_name("every_key.toml").read_text()
+    if name != "every-key":
+        kept = [line for line in text.splitlines() if not line.startswith(("registers.", "unmapped"))]
+        text = "\n".join(kept).replace('units = "mm"', f'units = "mm"\ndrive = "{name}"', 1)
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "gateway.toml")
+        path.write_text(text)
+        try:
+            found = load(path).plan
+        except ConfigErrors as errors:
+            yield from (f"refused {problem.key}" for problem in errors.problems)
+            return
+        yield from _leaves("plan", found)
+
+
+def _leaves(path: str, value: Any) -> Iterator[str]:
+    fields = getattr(value, "__dataclass_fields__", None) or getattr(value, "__struct_fields__", None)
+    if fields is not None and not isinstance(value, type):
+        for name in (each for each in fields if not each.startswith("_")):
+            yield from _leaves(f"{path}.{name}", getattr(value, name))
+    elif isinstance(value, dict):
+        for key, each in sorted(value.items(), key=str):
+            yield from _leaves(f"{path}[{key}]", each)
+    elif isinstance(value, tuple | list) and not hasattr(value, "_fields"):
+        for number, each in enumerate(value):
+            yield from _leaves(f"{path}[{number}]", each)
+    elif isinstance(value, frozenset):
+        yield f"{path} = {sorted(map(str, value))}"
+    else:
+        yield f"{path} = {_plain(value)}"
 
 
 def worlds() -> list[str]:

@@ -42,6 +42,7 @@ def _names(module: ModuleType) -> Iterator[str]:
     yield from (f"session:{name}" for name in module.session_names())
     yield from (f"fuzz:{name}" for name in module.corpus())
     yield from (f"world:{name}" for name in module.worlds())
+    yield from (f"plan:{name}" for name in module.plans())
 
 
 def _loaded(adapter: Path) -> ModuleType:
@@ -72,6 +73,8 @@ def _lines(module: ModuleType, kind: str, name: str) -> Iterator[str]:
         yield from module.ledger(int(seed), int(requests))
     elif kind == "commands":
         yield from _loaded(Path(__file__).with_name("commands.py")).script()
+    elif kind == "plan":
+        yield from module.plan(name)
     elif kind == "world":
         yield from module.world(name)
     else:
