@@ -45,7 +45,7 @@ from gateway.supervisor.link import Link
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.service import MqttService
-from gateway.supervisor.mqtt.topics import settings_of
+from gateway.supervisor.mqtt.settings import settings_of
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.past import Noted, Past
 from gateway.supervisor.tables import Keeper

@@ -17,7 +17,8 @@ from math import ceil
 from typing import Any, Final
 
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
-from gateway.supervisor.mqtt.topics import Payload, Settings
+from gateway.supervisor.mqtt.messages import Payload
+from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.verdict import State
 
 MAKER: Final = "pitch-gateway"

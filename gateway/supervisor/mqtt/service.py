@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gateway.supervisor.feeds import Feeds
-from gateway.supervisor.mqtt.commands import Hear, Orders, hear_nothing
-from gateway.supervisor.mqtt.connection import end
-from gateway.supervisor.mqtt.publisher import Outbox
-from gateway.supervisor.mqtt.topics import Settings
+from gateway.supervisor.mqtt.commands import Orders
+from gateway.supervisor.mqtt.ending import end
+from gateway.supervisor.mqtt.hearing import Hear, hear_nothing
+from gateway.supervisor.mqtt.outbox import Outbox
+from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.saying import Say
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from gateway.supervisor.model import whole_model
 from gateway.supervisor.mqtt.commands import Orders
 from gateway.supervisor.mqtt.publisher import Publisher
 from gateway.supervisor.mqtt.service import STATUS_WITHOUT, MqttService
-from gateway.supervisor.mqtt.topics import Settings, settings_of
+from gateway.supervisor.mqtt.settings import Settings, settings_of
 from gateway.supervisor.outcome import Outcome
 from tests.mosquitto import PATIENCE_S
 

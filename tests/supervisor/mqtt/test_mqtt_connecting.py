@@ -16,7 +16,8 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.reasoncodes import ReasonCode
 
 from gateway.catalogue.process_events import SUPERVISING
-from gateway.supervisor.mqtt.connection import _Client, why
+from gateway.supervisor.mqtt.connection import _Client
+from gateway.supervisor.mqtt.reasons import why
 from tests.certificates import authority, signed_by
 from tests.mosquitto import Broker, broker_in, mosquitto_passwd, watching
 from tests.ports import free_port

@@ -5,7 +5,7 @@ import contextlib
 
 import pytest
 
-from gateway.supervisor.mqtt.connection import apart, end
+from gateway.supervisor.mqtt.ending import apart, end
 
 
 async def swallows(times: int) -> str:
@@ -17,7 +17,7 @@ async def swallows(times: int) -> str:
 
 
 async def test_a_task_that_swallows_cancellations_is_told_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.supervisor.mqtt.connection.AGAIN_S", 0.0)
+    monkeypatch.setattr("gateway.supervisor.mqtt.ending.AGAIN_S", 0.0)
     tasks = [asyncio.create_task(swallows(times)) for times in (0, 1, 5)]
     await asyncio.sleep(0)
     await end(tasks)
@@ -25,7 +25,7 @@ async def test_a_task_that_swallows_cancellations_is_told_again(monkeypatch: pyt
 
 
 async def test_who_waits_for_one_hears_its_own_cancellation(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.supervisor.mqtt.connection.AGAIN_S", 0.0)
+    monkeypatch.setattr("gateway.supervisor.mqtt.ending.AGAIN_S", 0.0)
     waiting = asyncio.create_task(apart(swallows(3)))
     await asyncio.sleep(0)
     await asyncio.sleep(0)

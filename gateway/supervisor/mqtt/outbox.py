@@ -1,0 +1,53 @@
+"""What waits to be published: the newest model and the newest events, whatever the broker does meanwhile."""
+
+import asyncio
+
+from gateway.broadcast import NewestQueue
+from gateway.supervisor.feeds import EVENTS_KEPT, Feed, News, Told
+from gateway.supervisor.mqtt.messages import Payload
+
+
+class Outbox:
+    """Bounded: of the status only the newest waits, of events the newest :data:`EVENTS_KEPT`."""
+
+    def __init__(self) -> None:
+        self.model: Payload | None = None
+        """The newest status model."""
+        self.dropped = 0
+        """Events that were not published, because the broker was away or slow for too long."""
+        self._events: NewestQueue[Told] = NewestQueue(EVENTS_KEPT)
+        self._is_there = asyncio.Event()
+
+    def take(self, news: News) -> None:
+        """Take over what has come."""
+        if news.model is not None:
+            self.model = news.model
+        self._events.extend(news.events)
+        self.dropped += news.dropped + self._events.take_dropped()
+        self._is_there.set()
+
+    async def collect(self, feed: Feed) -> None:
+        """Take over whatever comes, until cancelled."""
+        while True:
+            self.take(await feed.next())
+
+    @property
+    def event(self) -> Told | None:
+        """The oldest event that waits."""
+        return self._events.items[0] if self._events.items else None
+
+    def done_with(self, event: Told) -> None:
+        """Note that an event has been published; it may have been dropped meanwhile."""
+        if self._events.items and self._events.items[0] is event:
+            self._events.items.popleft()
+        else:
+            self.dropped -= 1
+
+    async def wait(self, timeout_s: float) -> None:
+        """Wait until something has come since the last time, at most ``timeout_s``."""
+        try:
+            async with asyncio.timeout(timeout_s):
+                await self._is_there.wait()
+        except TimeoutError:
+            return
+        self._is_there.clear()

@@ -1,0 +1,108 @@
+"""Why there is no connection to the broker, and what to do: for people who have never seen an MQTT code."""
+
+import socket
+import ssl
+from collections.abc import Mapping
+from typing import Final
+
+import aiomqtt
+from paho.mqtt.reasoncodes import ReasonCode
+
+from gateway.config.files import NamedFileError
+from gateway.config.mqtt_model import MqttVersion
+from gateway.supervisor.mqtt.settings import Settings
+
+TIMED_OUT: Final = "Operation timed out"
+"""What the library says of a broker that was reached and does not answer."""
+
+_LOST: Final = (
+    "the connection to {broker} was lost: is the broker still running? Where it is, another client may have "
+    "connected as {client_id}"
+)
+_REFUSED: Final[Mapping[str, str]] = {
+    "Not authorized": "the broker refuses {who}: check [mqtt] username and password_file, and what the "
+    "broker allows",
+    "Bad user name or password": "the broker refuses {who}: check [mqtt] username and password_file",
+    "Unsupported protocol version": "the broker does not speak MQTT {version}: set [mqtt] version to {other}",
+    "Client identifier not valid": "the broker refuses the name {client_id}: set another [mqtt] client_id",
+    "Server unavailable": "the broker says that it is not available: look at its log",
+    "Banned": "the broker has banned {who}: look at its log",
+    "Bad authentication method": "the broker wants another way to log in than username and password",
+    "Session taken over": "another client has connected as {client_id}: give each gateway a name of its own, "
+    "or a [mqtt] client_id",
+    "Unspecified error": _LOST,
+    "Packet too large": "the broker refuses messages of this size: raise its limit",
+    "Retain not supported": "the broker keeps no retained messages, which the gateway needs: switch them on",
+    "QoS not supported": "the broker does not take QoS 1, which the gateway needs: switch it on",
+}
+
+
+def taken_over(settings: Settings) -> str:
+    """Return what it means that the broker ends one connection after the other."""
+    return (
+        f"{settings.broker} ends each connection soon after it was made: as a rule another client connects "
+        f"as {settings.client_id} too, and each takes the other's place; give each gateway a name of its "
+        "own, or a [mqtt] client_id"
+    )
+
+
+def is_cut(reason: str, settings: Settings) -> bool:
+    """Whether a reason is one that a broker gives, or leaves open, where another client takes our place."""
+    taken = _REFUSED["Session taken over"].format(client_id=settings.client_id)
+    return reason in (taken, _LOST.format(broker=settings.broker, client_id=settings.client_id))
+
+
+def why(error: BaseException, settings: Settings) -> str:
+    """Return a sentence on what ended a connection, or kept it from being made."""
+    if isinstance(error, NamedFileError):
+        return str(error)
+    if isinstance(error, aiomqtt.MqttError) and str(error) == TIMED_OUT:
+        need = (
+            "is it a broker's port, and is it one without TLS?"
+            if settings.tls is None
+            else "is it a broker's port, and does the broker want a certificate ([mqtt.tls] cert and key)?"
+        )
+        return f"{settings.broker} does not answer: {need}"
+    for each in (error.__cause__, error.__context__, error):
+        if isinstance(each, OSError):
+            return _of_network(each, settings)
+        if isinstance(each, aiomqtt.exceptions.MqttCodeError) and isinstance(each.rc, ReasonCode):
+            return _of_reason(str(each.rc), settings)
+    if isinstance(error, aiomqtt.MqttError):
+        return _LOST.format(broker=settings.broker, client_id=settings.client_id)
+    return f"unexpected {type(error).__name__}: {error}; please report it"
+
+
+def _of_network(error: OSError, settings: Settings) -> str:
+    broker = settings.broker
+    if isinstance(error, ConnectionRefusedError):
+        return f"nobody listens at {broker}: start the broker, or correct [mqtt] host and port"
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return (
+            f"{broker} could not prove who it is ({error.verify_message}): [mqtt.tls] ca must name the "
+            "authority that signed its certificate, and [mqtt] host a name that stands in it"
+        )
+    if isinstance(error, ssl.SSLError) or (settings.tls is not None and isinstance(error, ConnectionError)):
+        reason = getattr(error, "reason", None) or error.strerror or str(error)
+        words = reason.lower().replace("_", " ")
+        return f"no TLS with {broker} ({words}): is this the broker's port for TLS?"
+    if isinstance(error, socket.gaierror):
+        return f"{settings.host} is not known to the name service: correct [mqtt] host, or check the network"
+    if isinstance(error, TimeoutError):
+        return f"{broker} does not answer: check the network, and [mqtt] host and port"
+    reason = error.strerror or str(error)
+    return f"the connection to {broker} failed ({reason}): check the broker and the network"
+
+
+def _of_reason(reason: str, settings: Settings) -> str:
+    other = MqttVersion.V5 if settings.version is MqttVersion.V311 else MqttVersion.V311
+    words = _REFUSED.get(reason)
+    if words is None:
+        return f"the connection to {settings.broker} ended ({reason.lower()}): look at the broker's log"
+    return words.format(
+        who=f'the user "{settings.username}"' if settings.username else "clients without a username",
+        broker=settings.broker,
+        version=settings.version.value,
+        other=f'"{other.value}"',
+        client_id=settings.client_id,
+    )
