@@ -159,7 +159,7 @@ REFUSALS: Final = (
         0x04,
         "the staged target has to be written anew for its trigger",
         'the correction has changed since the target was written, and `added_frames = "never"`',
-        'set `added_frames = "auto"`',
+        'write the target again, then trigger; to have the gateway do it, set `added_frames = "auto"`',
     ),
     RefusalEntry(
         0x04,
