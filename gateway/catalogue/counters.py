@@ -5,6 +5,11 @@ from typing import Final
 
 from gateway.catalogue.entry import CounterEntry
 
+_LONGER: Final = (
+    "raise `response_timeout_ms` above what the drive takes: with the gateway stopped "
+    "`pitch-gateway probe CONFIG --timing` measures it"
+)
+
 LINE: Final = (
     CounterEntry("exchanges", "exchanges", "exchanges with the drives: requests that were answered"),
     CounterEntry(
@@ -23,13 +28,13 @@ LINE: Final = (
         "late",
         "late",
         "frames or bytes from the drives when nothing was expected",
-        "raise `response_timeout_ms`; see that no other master talks on the line",
+        f"{_LONGER}; see that no other master talks on the line",
     ),
     CounterEntry(
         "late_replies",
         "late replies",
         "replies over Modbus/TCP that came after their request had been given up",
-        "raise `response_timeout_ms`",
+        _LONGER,
     ),
     CounterEntry(
         "late_targets",
@@ -104,13 +109,13 @@ LINE: Final = (
         "stray_bytes",
         "stray bytes",
         "bytes from the drives over RTU while nothing was expected",
-        "raise `response_timeout_ms`; see that no other master talks on the line",
+        f"{_LONGER}; see that no other master talks on the line",
     ),
     CounterEntry(
         "stray_frames",
         "stray frames",
         "whole frames among the stray bytes: a drive that answers late, or twice",
-        "raise `response_timeout_ms`; see that no unit id is there twice",
+        f"{_LONGER}; see that no unit id is there twice",
     ),
     CounterEntry(
         "foreign_frames",

@@ -83,19 +83,19 @@ REFUSALS: Final = (
     ),
     RefusalEntry(
         0x04,
-        "… does not fit …",
+        "a value of … does not fit …",
         "the corrected position, or the distance, is larger than its register can hold",
         "check `counts_per_unit` and `zero_counts`; else the target is one that the drive cannot go to",
     ),
     RefusalEntry(
         0x04,
-        "… is not a position",
+        "a value of … is not a position",
         "a float register was written with nan or infinity",
         "correct the controller's program; check `type` and `words` of the position",
     ),
     RefusalEntry(
         0x04,
-        "… is not a distance",
+        "a value of … is not a distance",
         "a float register was written with nan or infinity",
         "correct the controller's program; check `type` and `words` of the position",
     ),
@@ -159,7 +159,7 @@ REFUSALS: Final = (
         0x04,
         "the staged target has to be written anew for its trigger",
         'the correction has changed since the target was written, and `added_frames = "never"`',
-        'set `added_frames = "auto"`',
+        'write the target again, then trigger; to have the gateway do it, set `added_frames = "auto"`',
     ),
     RefusalEntry(
         0x04,

@@ -42,7 +42,8 @@ REMARKS: Final = (
         "warning",
         "not 0 at home: first forward value if the table begins there, last backward if it ends there, "
         "else forward at 0",
-        "measure or enter 0 at home; `--home` of `table build` makes it 0 there",
+        "subtract the value at home from all values, so that it is 0 there; `--home` of `table build` does "
+        "it. Do not only write 0 at home: that leaves a step",
     ),
     RemarkEntry(
         "L6",
@@ -63,7 +64,8 @@ REMARKS: Final = (
         "L8",
         "warning",
         "travel that the table does not cover, and what `hold` gives there",
-        "measure the missing stretch, or say with `outside` what holds there",
+        "measure the missing stretch, or say with `outside` what holds there: the remark stays, and says "
+        "what you chose",
     ),
     RemarkEntry(
         "L9",
@@ -133,7 +135,7 @@ REMARKS: Final = (
         "warning",
         "the file holds another compensation too, which nothing applies",
         "switch the other compensation off in the old control; move what it corrects into the table where"
-        " it is needed",
+        " it is needed, and take its lines out of the file",
     ),
     RemarkEntry(
         "R7",
@@ -159,13 +161,15 @@ REMARKS: Final = (
         "R10",
         "warning",
         "nothing in the file says how many values it should have (Aerotech), or how many points (Weihong)",
-        "compare the number of points with the original",
+        "compare the number of points with the original; then add the comment of the message (Aerotech), or "
+        "take the line without a point out (Weihong)",
     ),
     RemarkEntry(
         "R11",
         "warning",
         "the program that the table comes from leaves its compensation off",
-        "ask why: the table may never have been in force",
+        "ask why: the table may never have been in force. Where it is the right one, switch the compensation "
+        "on in the file (`PRECISIONMODE`, `I51`)",
     ),
     RemarkEntry(
         "R12",

@@ -90,7 +90,8 @@ def table_in(
         loaded = inspect_table(path, context)
     except TabFileError as error:
         for problem in error.problems:
-            found = "; ".join((problem.found, *_numbered(problem.readings)))
+            code = f"{problem.code} " if problem.code else ""
+            found = "; ".join((f"{code}{problem.found}", *_numbered(problem.readings)))
             allowed = f"allowed: {problem.allowed}" if problem.allowed else ""
             place = Problem(str(path), key_text(key), found, allowed, problem.line)
             findings.refuse_elsewhere(key, place)

@@ -111,7 +111,7 @@ def render(
     if not isfinite(raw):
         if is_passing:
             return Rendering(number, nominal_words, nominal_words, 0.0, None)
-        raise RefusedPositionError(f"{raw} is not a position")
+        raise RefusedPositionError(f"a value of {raw} is not a position")
     try:
         move = _plan_move(axis, counts_of(field_, raw), seen, is_kept=is_kept)
         if move.state.is_unsure and unproven is not None:
@@ -143,7 +143,7 @@ def render_distance(
     field_ = axis.plan.command[number]
     raw = field_.unpack(distance_words)
     if not isfinite(raw):
-        raise RefusedPositionError(f"{raw} is not a distance")
+        raise RefusedPositionError(f"a value of {raw} is not a distance")
     if not raw:
         return Rendering(number, distance_words, distance_words, 0.0, None, is_distance=True)
     nominal_counts = base.nominal_counts + counts_of(field_, raw)

@@ -91,6 +91,10 @@ def test_every_refusal_is_explained() -> None:
     assert not unexplained
 
 
+def test_no_refusal_begins_with_a_figure_whose_sign_explain_would_take_for_an_option() -> None:
+    assert not [sentence for sentence in refused() if sentence.startswith("…")]
+
+
 @pytest.mark.parametrize("entry", [e for e in REFUSALS if e.says], ids=lambda entry: entry.says[:50])
 def test_every_explained_refusal_is_one(entry: RefusalEntry) -> None:
     assert [sentence for sentence in refused() if begins(sentence, entry.says)]

@@ -337,6 +337,12 @@ def test_lost_motion_that_a_file_states_is_warned_of_unless_the_axis_has_a_backl
     assert not [w for w in loaded(tmp_path, settled, {"x.mnt": MINT}).warnings if "R8" in w.found]
 
 
+def test_why_a_table_is_refused_has_the_code_that_explain_knows(tmp_path: Path) -> None:
+    told = edited(("cnc10x.tab", "x.mnt")) + '[axis.x.table_options]\nfile_units = "mm"\n'
+    problem = only(refused(tmp_path, told, {"x.mnt": MINT}), "axis.x.table")
+    assert problem.found.startswith("R9 PRECISIONOFFSET -300, and Mint's guide reads it in two ways")
+
+
 ALONE = ('table = "cnc10x.tab"', 'backlash = { width = 0.2, kind = "homed-forward" }')
 
 
