@@ -1,7 +1,7 @@
 """The shapes of what programs read: ``python -m tests.promises.shapes`` writes ``shapes.txt`` anew.
 
 A line is a document, the path of a key in it, and the kinds of its values where any was seen. ``*`` stands
-for a name that the configuration gives. The file grows by lines: one that goes breaks somebody's program.
+for a name that the configuration gives. Lines are only added: some program may rely on each of them.
 """
 
 import re
