@@ -20,21 +20,25 @@ def sick(tmp_path: Path) -> Iterator[SickLine]:
 
 def test_times_are_measured_and_what_they_ask_for_is_proposed_with_its_cost(sick: SickLine) -> None:
     sick.drives.takes_s[2] = 0.02
+    # No answer is late on a busy machine.
+    sick.config.write_text(
+        sick.config.read_text().replace("response_timeout_ms = 100", "response_timeout_ms = 900")
+    )
     result = typed("probe", str(sick.config), "--timing", "--json")
     assert result.returncode == 0, result.stderr
     line = json.loads(result.stdout)["lines"]["xy"]
     x, y = line["units"]["1"], line["units"]["2"]
     assert (x["axis"], x["reads"]) == ("x", 100)
     assert (y["axis"], y["reads"]) == ("y", 100)
-    assert x["lost"] + y["lost"] <= 1  # a machine that stands still for 0.1 s is late with one
+    assert (x["lost"], y["lost"]) == (0, 0)
     assert x["p50_ms"] < y["p50_ms"]
     assert 20.0 <= y["p50_ms"] <= y["p99_ms"] <= y["max_ms"]
-    assert line["lost_with_gap_ms"] == {"0": x["lost"] + y["lost"]}
+    assert line["lost_with_gap_ms"] == {"0": 0}
     proposed = line["proposed"]
     assert 4.0 * y["max_ms"] <= proposed["response_timeout_ms"] <= 5.0 * y["max_ms"] + 50.0
     assert 2.0 * y["max_ms"] <= proposed["drain_ms"] <= 3.0 * y["max_ms"] + 50.0
     assert line["now"] == {
-        "response_timeout_ms": 100.0,
+        "response_timeout_ms": 900.0,
         "drain_ms": 20.0,
         "gap_ms": 0.0,
         "silent_drive_costs_ms": 1020.0,  # the controller plc waits for 1000 ms

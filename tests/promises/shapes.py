@@ -16,7 +16,7 @@ import msgspec
 
 from gateway.exchange.commands import TableFor
 from gateway.ipc.messages import Reply, Request
-from tests.same.commands import BAD_TABLE, Desk
+from tests.same.commands import BAD_TABLE, TAKEN, Desk
 
 FILE: Final = Path(__file__).with_name("shapes.txt")
 NAMED: Final = frozenset({"x", "y", "xy", "cnc", "1", "2"})
@@ -74,9 +74,9 @@ def _documents() -> Iterator[tuple[str, str]]:
         with desk.running():
             for what in ("a first target", "another one"):
                 list(desk.moves(what))
-            desk.changed(lambda: desk.write_table("X", "0.05"))
-            desk.changed(lambda: (desk.folder / "tables" / "x.tab").write_text(BAD_TABLE))
-            desk.changed(lambda: desk.write_table("X", "0.02"))
+            desk.changed(lambda: desk.write_table("X", "0.05"), *TAKEN)
+            desk.changed(lambda: (desk.folder / "tables" / "x.tab").write_text(BAD_TABLE), "table-rejected")
+            desk.changed(lambda: desk.write_table("X", "0.02"), "table-mended", *TAKEN)
             list(desk.commanded("gain", {"axes": ["x"], "forward": 1.0, "backward": 0.5}))
             for command in COMMANDS:
                 for document in desk.printed(command):

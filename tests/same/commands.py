@@ -88,6 +88,8 @@ ENTRIES 3
 100.0 0.01 -0.02
 200.0 {last} -0.01
 """
+TAKEN: Final = ("table-handed-over", "table-activated")
+"""What both processes say of a table that is taken."""
 BAD_TABLE: Final = "CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL none\n"
 MOMENT: Final = re.compile(
     r"(_ns|_us|_ms|_s|seconds|_at|since|until|time|timestamp|age|pid|uptime|digest|compiled|generation|boot|"
@@ -128,13 +130,13 @@ def _steps(desk: "Desk") -> Iterator[str]:
     ):
         yield from desk.said(command)
         yield from desk.moves(command)
-    desk.changed(lambda: desk.write_table("X", "0.05"))
+    desk.changed(lambda: desk.write_table("X", "0.05"), *TAKEN)
     yield from desk.said("reload gateway.toml --json")
     yield from desk.moves("another table")
-    desk.changed(lambda: (desk.folder / "tables" / "x.tab").write_text(BAD_TABLE))
+    desk.changed(lambda: (desk.folder / "tables" / "x.tab").write_text(BAD_TABLE), "table-rejected")
     yield from desk.said("reload gateway.toml --json")
     yield from desk.moves("a bad table is not taken")
-    desk.changed(lambda: desk.write_table("X", "0.02"))
+    desk.changed(lambda: desk.write_table("X", "0.02"), "table-mended", *TAKEN)
     yield from desk.said("reload gateway.toml --json")
     for command, asked in (
         ("disable", {"axes": ["x"]}),
@@ -177,11 +179,17 @@ class Desk:
         self._number = 0
         self._target = 1000
 
-    def changed(self, change: Callable[[], object]) -> None:
-        """Change a table, and let the program find it of its own accord: a command would race with that."""
+    def changed(self, change: Callable[[], object], *events: str) -> None:
+        """Change a table, and let the program find it of its own accord: a command would race with that.
+
+        Returns when each of ``events`` has come: a late event of an earlier change does not count.
+        """
         before = len(self._events)
         change()
-        self._wait(lambda: len(self._events) > before, "an event of a table that was changed")
+        self._wait(
+            lambda: {each["event"] for each in self._events[before:]}.issuperset(events),
+            f"{' and '.join(events)}",
+        )
 
     def write_table(self, axis: str, last: str) -> None:
         """Write the table of an axis."""
