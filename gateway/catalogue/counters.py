@@ -6,8 +6,8 @@ from typing import Final
 from gateway.catalogue.entry import CounterEntry
 
 _LONGER: Final = (
-    "raise `response_timeout_ms` above what the drive takes: with the gateway stopped "
-    "`pitch-gateway probe CONFIG --timing` measures it"
+    "raise `response_timeout_ms` until the drive answers in time; with the gateway stopped "
+    "`pitch-gateway probe CONFIG --timing` then measures how much it needs"
 )
 
 LINE: Final = (
@@ -209,7 +209,7 @@ OTHERS: Final = (
         "changes",
         "changes",
         "times that two controllers took an axis from each other, in one go",
-        "have one of them only move the axis",
+        "let only one of them move the axis",
     ),
     CounterEntry(
         "cut_through",

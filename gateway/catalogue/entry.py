@@ -104,6 +104,7 @@ class StartEntry:
     """How the sentence on standard error begins after the key or the file, … for what differs."""
     cause: str
     remedy: str
+    meaning: str = "the gateway does not start"
 
 
 @dataclass(frozen=True, slots=True)

@@ -245,8 +245,9 @@ LATE_REPLY: Final = EventEntry(
     Severity.WARNING,
     "a drive sent a frame that answers nothing, which was dropped",
     "the drive answers later than `response_timeout_ms`, or twice, or another master is on the line",
-    "raise `response_timeout_ms` above what the drive takes (with the gateway stopped "
-    "`pitch-gateway probe CONFIG --timing` measures it), and see that no other master talks on the line",
+    "raise `response_timeout_ms` until the drive answers in time (with the gateway stopped "
+    "`pitch-gateway probe CONFIG --timing` then measures how much it needs), and see that no other master "
+    "talks on the line",
 )
 REQUEST_REFUSED: Final = EventEntry(
     "request-refused",

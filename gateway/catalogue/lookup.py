@@ -140,7 +140,7 @@ def _refusal(entry: RefusalEntry) -> Explanation:
 
 def _sentences() -> Iterator[Explanation]:
     for entry in STARTS:
-        yield _made("start", entry.says, "", "the gateway does not start", entry.cause, entry.remedy)
+        yield _made("start", entry.says, "", entry.meaning, entry.cause, entry.remedy)
     for refusal in REFUSALS:
         if refusal.says:
             what = f"exception {code_of(refusal)}: {TITLES[refusal.code]}"

@@ -76,9 +76,10 @@ MQTT_LOST: Final = EventEntry(
 MQTT_COMMANDS_NOT_HEARD: Final = EventEntry(
     "mqtt-commands-not-heard",
     Severity.WARNING,
-    "the broker does not let the gateway read its commands; publishing goes on",
+    "the broker does not let the gateway read its commands, or its temperatures; publishing goes on",
     "the broker's access list",
-    "allow the topic of the detail in the broker's access list",
+    "allow the topic of the detail in the broker's access list, then start the broker again: the gateway "
+    "asks when it connects",
 )
 MQTT_COMMAND: Final = EventEntry(
     "mqtt-command",

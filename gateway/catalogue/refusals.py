@@ -135,7 +135,7 @@ REFUSALS: Final = (
         "the first trigger of its group is refused",
         "another axis of the group could not follow: the target that it holds cannot be written anew, or "
         "must not be gone to; the sentence behind the colon says why. Nothing has moved",
-        "look that sentence up, and write the target of that axis again",
+        "look that sentence up, write the targets of all axes of the group again, then trigger",
     ),
     RefusalEntry(
         0x04,
@@ -209,8 +209,8 @@ REFUSALS: Final = (
     RefusalEntry(
         0x06,
         "",
-        "the controller has more requests waiting on the line than are kept for one connection",
-        "wait for replies before sending more",
+        "64 KiB of requests from the controller's host wait on the line already; event `request-refused`",
+        "let the controller wait for a reply before it sends the next request",
     ),
     RefusalEntry(
         0x0A,

@@ -31,6 +31,7 @@ STARTS: Final = (
         "…: another configuration was compiled meanwhile",
         "`check --compile` while the supervisor read the tables (told while it runs)",
         "nothing: what was compiled last counts, and the tables are read again",
+        "the gateway goes on as it is",
     ),
     StartEntry("… was made by release …", "the gateway was upgraded or put back", _COMPILE),
     StartEntry(
@@ -69,6 +70,7 @@ STARTS: Final = (
         "… is another folder than the one that the gateway uses",
         "somebody put another state folder in the place of the one in use (told while it runs)",
         "put the first one back, or start the gateway anew",
+        "the gateway goes on, and can keep nothing",
     ),
     StartEntry(
         "every user may write to …", "the mode of the state folder", "take the right away: `chmod o-w FOLDER`"
@@ -112,16 +114,19 @@ STARTS: Final = (
         "… is not there",
         "the adapter is not plugged in; the gateway starts, and opens it when it comes",
         "plug it in; check the name with `ls -l /dev/serial/by-id`",
+        "the gateway waits for the port",
     ),
     StartEntry(
         "… cannot be reached",
         "drives on TCP that are off; the gateway starts, and tries again",
         "check power, address and network",
+        "the gateway has no connection to the drives",
     ),
     StartEntry(
         "… did not answer within …",
         "drives on TCP behind a network that swallows packets; the gateway starts, and tries again",
         "check address and network",
+        "the gateway has no connection to the drives",
     ),
     StartEntry("… exists: record into a new file", "`record` overwrites nothing", "name a new file"),
     StartEntry("… cannot be written", "the file of a recording", "name a place that can be written"),

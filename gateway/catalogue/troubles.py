@@ -148,7 +148,7 @@ TWO_WRITERS: Final = TroubleEntry(
     Severity.ERROR,
     "two motion controllers want to move the same axis",
     "a second program, panel or PLC that moves the axis, or the same controller with two addresses",
-    "have one of them only move the axis; or give the other the `role` operator or monitor, and start the "
+    "let only one of them move the axis; or give the other the `role` operator or monitor, and start the "
     "gateway again",
     title="Two controllers",
 )

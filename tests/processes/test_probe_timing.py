@@ -88,5 +88,6 @@ def test_a_drive_that_does_not_answer_is_named_and_nothing_is_proposed(sick: Sic
     result = typed("probe", str(sick.config), "--timing")
     assert result.returncode == 1
     assert "axis x, unit id 1: no answer" in result.stdout
-    assert "error: unit id 1 did not answer: nothing is proposed before it does" in result.stdout
+    assert "error: unit id 1 did not answer within response_timeout_ms = " in result.stdout
+    assert "raise response_timeout_ms and measure again" in result.stdout
     assert "proposed:" not in result.stdout

@@ -70,7 +70,11 @@ class LineTimes:
         """Why nothing can be proposed; empty where it can."""
         silent = [str(unit.unit_id) for unit in self.units if not unit.took_ms]
         if silent:
-            return f"unit id {', '.join(silent)} did not answer: nothing is proposed before it does"
+            within = f"within response_timeout_ms = {self.line.timing.response_timeout_ms:g}"
+            return (
+                f"unit id {', '.join(silent)} did not answer {within}: nothing is proposed before it does; "
+                "where it is on and wired, raise response_timeout_ms and measure again"
+            )
         if not self.units:
             return "nothing may be read: nothing is proposed"
         if self.gap_ms is None:
