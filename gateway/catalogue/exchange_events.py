@@ -252,10 +252,10 @@ LATE_REPLY: Final = EventEntry(
 REQUEST_REFUSED: Final = EventEntry(
     "request-refused",
     Severity.WARNING,
-    "a controller asked for what its role or its rights do not allow, or too often; told at most once a "
-    "minute for "
-    "each controller and reason, with how often it happened",
-    "a controller with another task than its configuration thinks, a scanner, or somebody who tries",
+    "a controller asked for what its role or its rights do not allow, too often, or faster than the line "
+    "answers; told at most once a minute for each controller and reason, with how often it happened",
+    "a controller with another task than its configuration says, one that does not wait for replies, a "
+    "scanner, or somebody who tries",
     "look at `peer`, `function_code` and `unit_id`; the detail names the key of the controller that says so: "
     "where it may do that, change the key and start the gateway again",
 )

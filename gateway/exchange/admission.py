@@ -111,7 +111,7 @@ class Admission:
             ("key", denial.key),
         )
         key = f" ({denial.key})" if denial.key else ""
-        detail = f"{port.writer} may not do this: {denial.detail}{key}{times(count)}"
+        detail = f"{port.writer} was refused: {denial.detail}{key}{times(count)}"
         self._on_event(Event(EventKind.REQUEST_REFUSED, None, detail, more))
 
     def refuse(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:

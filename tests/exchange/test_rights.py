@@ -135,7 +135,7 @@ def test_w9_a_unit_id_that_is_not_allowed_is_absent() -> None:
         "unit_id": 1,
         "key": "unit_ids",
     }
-    assert event.detail == "panel (10.0.0.2) may not do this: unit id 1 (unit_ids)"
+    assert event.detail == "panel (10.0.0.2) was refused: unit id 1 (unit_ids)"
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_w9_a_monitor_that_writes_is_told_of_once_a_minute() -> None:
         assert asked(bench, port, WRITE_POSITION) == "9001"
         bench.now_ns += 200 * MS
     details = [event.detail for event in bench.events if event.kind.value == "request-refused"]
-    sentence = "hmi may not do this: a request that may write, from a monitor (role)"
+    sentence = "hmi was refused: a request that may write, from a monitor (role)"
     assert details == [sentence, f"{sentence}, 300 times since the last note"]
     assert bench.seen == []
 
