@@ -28,10 +28,11 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import ErrorSense, FileContext
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import to_decimal
+from gateway.tabfile.options import ErrorSense
 from gateway.tabfile.ranges import context_in_file_units, told_units
 from gateway.tabfile.senses import RULES, required_sense
 from gateway.tabfile.stated import check_stated, is_closed
@@ -40,6 +41,7 @@ from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "fagor-8055"
 TITLE: Final = "Fagor 8055 leadscrew table (P001 X-20 EX 0.001), one or two directions"
+USES: Final = frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"})
 MAX_POINTS: Final = 1000
 MAX_VALUE: Final = {Units.MM: 99999.9999, Units.INCH: 3937.00787, Units.DEGREE: 99999.9999}
 DECIMALS: Final = {Units.MM: 4, Units.INCH: 5, Units.DEGREE: 4}

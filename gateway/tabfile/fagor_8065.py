@@ -36,6 +36,7 @@ from gateway.tabfile.writing import WriteOptions, Written, unwritable
 NAME: Final = "fagor-8065"
 TITLE: Final = "Fagor 8065 machine parameters of an axis (.mp), one or two directions"
 SUFFIX: Final = ".mp"
+USES: Final = frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"})
 ENCODING: Final = "utf-16-le"
 MAX_PROBLEMS: Final = 20
 DECIMALS: Final = {Units.MM: 4, Units.INCH: 5}

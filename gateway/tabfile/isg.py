@@ -33,7 +33,7 @@ from math import inf
 from typing import Final
 
 from gateway.compensation.units import Units
-from gateway.tabfile.context import ErrorSense, FileContext
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import to_integer
@@ -41,16 +41,18 @@ from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.isg_keys import CYCLES, DEFAULT_MAX_POINTS, NAME, PER_UNIT, Keys, sort_keys
 from gateway.tabfile.isg_list import MAX_PROBLEMS, Entry, parse_list
 from gateway.tabfile.isg_writing import write
+from gateway.tabfile.options import ErrorSense, to_tell
 from gateway.tabfile.ranges import context_in_file_units, unused_options
 from gateway.tabfile.senses import RULES, told_sense
 from gateway.tabfile.stated import check_stated, is_closed
 from gateway.tabfile.text import SourceText, shown
 
-__all__ = ["NAME", "TITLE", "read", "recognise", "write"]
+__all__ = ["NAME", "TITLE", "USES", "read", "recognise", "write"]
 
 TITLE: Final = (
     "ISG kernel and Beckhoff TwinCAT CNC compensation list (kw.ssfk), errors in 0.1 µm or increments"
 )
+USES: Final = frozenset({"file_counts_per_unit", "file_start", "isg_sense", "error_sense"})
 MAX_CYCLES: Final = 19
 SETPOINT_TOLERANCE: Final = 1e-6
 """A setpoint beside an interval may be off by this fraction of it."""
@@ -147,7 +149,7 @@ def _units(source: SourceText, shape: _Shape, context: FileContext) -> tuple[Uni
         if units is None:
             raise source.error(
                 "a list in increments (unit 0), for an axis of unknown units",
-                "file_units = 'mm', 'inch' or 'degree' (--units on the command line)",
+                to_tell("file_units"),
             )
         return units, f"units {units.value}: {'told by file_units' if told else 'those of the axis'}"
     if told is Units.INCH:
@@ -163,7 +165,7 @@ def _units(source: SourceText, shape: _Shape, context: FileContext) -> tuple[Uni
     if shape.is_modulo:
         raise source.error(
             "a modulo list in unit 1, which is 0.0001 degree on a rotary axis and 0.1 µm on a linear one",
-            "file_units = 'degree' or 'mm' (--units on the command line)",
+            to_tell("file_units", "'degree' or 'mm'"),
         )
     return Units.MM, "units mm: unit 1 is 0.1 µm on a linear axis (0.0001 degree on a rotary one: file_units)"
 

@@ -6,12 +6,13 @@ from pathlib import Path
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.tabfile.context import MAX_POSITION, FileContext
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.curves import steepest
 from gateway.tabfile.decoded import Decoded, LoadedTable
-from gateway.tabfile.dialects import OPTIONS, Dialect, choose
+from gateway.tabfile.dialects import Dialect, choose
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.lints import run_lints
+from gateway.tabfile.options import MAX_POSITION, OPTIONS
 from gateway.tabfile.ranges import unused_options
 from gateway.tabfile.text import MAX_BYTES, SourceText, decode
 

@@ -4,9 +4,10 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext, HomeSide
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import SourceRow
 from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.options import HomeSide, to_tell
 from gateway.tabfile.readings import Reading, describe_both
 from gateway.tabfile.text import SourceText
 
@@ -51,7 +52,7 @@ def told_units(source: SourceText, context: FileContext, what: str) -> Units:
     if context.file_units is None:
         raise source.error(
             f"{what}, which states no units",
-            "file_units = 'mm', 'inch' or 'degree' (--units on the command line)",
+            to_tell("file_units"),
         )
     return context.file_units
 

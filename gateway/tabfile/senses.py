@@ -2,7 +2,8 @@
 
 from typing import Final
 
-from gateway.tabfile.context import ErrorSense, FileContext
+from gateway.tabfile.context import FileContext
+from gateway.tabfile.options import ErrorSense, choices
 from gateway.tabfile.text import SourceText
 
 RULES: Final = {
@@ -50,7 +51,7 @@ def required_sense(
         key = own_key or "error_sense"
         raise source.error(
             f"{what}: {why}",
-            f"{key} = 'actual_minus_command' or 'command_minus_actual'; one test move shows which is right",
+            f"{choices(key)}; one test move shows which is right",
             readings=_READINGS,
         )
     return sense

@@ -43,6 +43,11 @@ def test_every_format_is_listed_with_what_must_be_told() -> None:
         assert f"{dialect.name}: {dialect.title}\n" in text
 
 
+def test_what_a_reader_asks_for_is_declared() -> None:
+    asked = {name for dialect in DIALECTS for name in dialect.uses}
+    assert asked == set(OPTIONS)
+
+
 def options_of(command: str) -> set[str]:
     found: Any = typer.main.get_command(app)
     return {option for parameter in found.commands[command].params for option in parameter.opts}
