@@ -87,10 +87,6 @@ class Told(TableOptions):
     units: AxisUnits = None
     axis: AxisLetter = None
 
-    def sense(self) -> ErrorSense | None:
-        """Return the sense of the errors, whichever option told it."""
-        return self.error_sense or self.isg_sense or self.fagor_sense
-
     def context(self, counts_per_unit: float | None = None) -> FileContext:
         """Return it for a reader; ``counts_per_unit`` is the drive's.
 
@@ -181,5 +177,7 @@ def _parameters(group: type[Told | Wanted]) -> Iterator[inspect.Parameter]:
 def _typer_option(declared: Declared) -> Any:
     more = _OF_FORMATS if declared.name == "format" else {}
     said = declared.option
-    option = typer.Option(declared.typed, metavar=said.metavar, help=said.help, **more)
+    option = typer.Option(
+        declared.typed, metavar=said.metavar, help=said.help, hidden=said.renamed is not None, **more
+    )
     return Annotated[declared.type | None, option]

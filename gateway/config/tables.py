@@ -28,6 +28,10 @@ COVERAGE_LINT: Final = "L8"
 """Reported here instead: only the configuration knows which policy holds outside the table."""
 
 
+OLD_NAME_LINT: Final = "R14"
+"""A warning here, though a table is read as well under an old name: a configuration is kept."""
+
+
 LOST_MOTION_LINT: Final = "R8"
 """Settled as soon as the axis has a backlash of its own."""
 
@@ -103,7 +107,7 @@ def table_in(
         elif lint.code == LOST_MOTION_LINT:
             if not lost_motion_is_taken_up:
                 findings.warnings.append(replace(remark, remedy=_backlash_of(loaded)))
-        elif lint.severity is Severity.WARNING and lint.code != COVERAGE_LINT:
+        elif lint.code == OLD_NAME_LINT or (lint.severity is Severity.WARNING and lint.code != COVERAGE_LINT):
             findings.warnings.append(remark)
     return loaded
 

@@ -111,7 +111,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     table = _parse_rows(source, columns, grid)
     _check_negative(source, columns, table)
     context = context_in_file_units(source, context, units)
-    sense = required_sense(source, context, None, "a Heidenhain compensation table")
+    sense = required_sense(source, context, "a Heidenhain compensation table")
     rows = _rows(table, sense)
     check_stated(source, rows, units, context)
     backward = f"column {NEGATIVE}" if columns.has_negative else "one value for both directions"

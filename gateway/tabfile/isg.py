@@ -20,7 +20,7 @@ TwinCAT CNC manuals of axis compensation, with their example. Lines are ``key va
 Numbers are whole or, since build V3.1.3132, real. Other keys outside ``kw.ssfk`` belong to other functions.
 
 Sign: values are "absolute position errors", s_ist - s_soll, so they are subtracted. No source says so of the
-correction itself; ``isg_sense`` turns it round. Units: a list does not say whether its axis is linear, so
+correction itself; ``error_sense`` turns it round. Units: a list does not say whether its axis is linear, so
 unit 1 means mm unless ``file_units`` says degree; for a modulo axis it must be told. Increments become
 lengths by ``file_counts_per_unit``, counts per unit of the axis as with all other formats.
 """
@@ -43,7 +43,7 @@ from gateway.tabfile.isg_list import MAX_PROBLEMS, Entry, parse_list
 from gateway.tabfile.isg_writing import write
 from gateway.tabfile.options import ErrorSense, to_tell
 from gateway.tabfile.ranges import context_in_file_units, unused_options
-from gateway.tabfile.senses import RULES, told_sense
+from gateway.tabfile.senses import RULES
 from gateway.tabfile.stated import check_stated, is_closed
 from gateway.tabfile.text import SourceText, shown
 
@@ -52,7 +52,7 @@ __all__ = ["NAME", "TITLE", "USES", "read", "recognise", "write"]
 TITLE: Final = (
     "ISG kernel and Beckhoff TwinCAT CNC compensation list (kw.ssfk), errors in 0.1 µm or increments"
 )
-USES: Final = frozenset({"file_counts_per_unit", "file_start", "isg_sense", "error_sense"})
+USES: Final = frozenset({"file_counts_per_unit", "file_start", "error_sense"})
 MAX_CYCLES: Final = 19
 SETPOINT_TOLERANCE: Final = 1e-6
 """A setpoint beside an interval may be off by this fraction of it."""
@@ -90,7 +90,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     units, unit_decision = _units(source, shape, context)
     context = context_in_file_units(source, context, units)
     scale = PER_UNIT if shape.is_metric else _scale(source, context)
-    sense = told_sense(source, context, "isg_sense")
+    sense = context.error_sense
     rows = _rows(keys, shape, scale, sense or ErrorSense.ACTUAL_MINUS_COMMAND)
     check_stated(source, rows, units, context)
     if shape.is_modulo and not is_closed(rows):
@@ -274,7 +274,7 @@ def _sense_decision(sense: ErrorSense | None) -> str:
         return f"sense {sense.value}: told"
     return (
         "sense actual_minus_command: the manuals call the values position errors, actual - commanded; "
-        "confirm it by one test move, isg_sense turns it round"
+        "confirm it by one test move, error_sense turns it round"
     )
 
 

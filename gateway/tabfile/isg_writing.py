@@ -53,7 +53,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         units=None,
         file_counts_per_unit=scale,
         file_units=table.units,
-        isg_sense=sense,
+        error_sense=sense,
     )
     return Written(
         "".join(f"{key:<35} {value}\n" for key, value in lines), _losses(positions, scale), context

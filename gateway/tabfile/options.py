@@ -85,6 +85,14 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
+class Renamed:
+    """Of an option under an old name: its name now, and the formats for which the old one holds."""
+
+    to: str
+    formats: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
 class Option:
     """What is said about an option in the places where it can be told."""
 
@@ -98,6 +106,8 @@ class Option:
     """The option of the command line that tells it together with something else, without the dashes."""
     is_for_all: bool = False
     """It has a meaning for every format."""
+    renamed: Renamed | None = None
+    """It is an old name, which stays accepted."""
 
 
 def _is_scale(number: float) -> bool:
@@ -192,25 +202,29 @@ class TableOptions:
             "NAME",
         ),
     ] = None
+    error_sense: Annotated[
+        ErrorSense | None,
+        Option(
+            "what the file means by an error: where the nut was less where it should be, or the reverse. For "
+            "every format whose errors have no fixed sign; ISG and TwinCAT CNC: where it is not told, actual "
+            "less command",
+            "What the file calls an error, for every format that leaves it open (see 'table formats').",
+        ),
+    ] = None
     fagor_sense: Annotated[
         ErrorSense | None,
         Option(
-            "Fagor tables: whether an error is where the nut was less where it should be, or the reverse",
-            "What the file of a Fagor control calls an error; no manual says it.",
+            "old name of `error_sense`, for Fagor tables only; stays accepted",
+            "Old name of --error-sense, for Fagor tables only.",
+            renamed=Renamed("error_sense", frozenset({"fagor-8055", "fagor-8065"})),
         ),
     ] = None
     isg_sense: Annotated[
         ErrorSense | None,
         Option(
-            "ISG and TwinCAT CNC tables: the same; where it is not told, actual less command",
-            "What the file of an ISG kernel or TwinCAT calls an error; default: actual_minus_command.",
-        ),
-    ] = None
-    error_sense: Annotated[
-        ErrorSense | None,
-        Option(
-            "the same for every format whose errors have no fixed sign, such as Heidenhain's",
-            "What the file calls an error, for every format that leaves it open (see 'table formats').",
+            "old name of `error_sense`, for ISG and TwinCAT CNC tables only; stays accepted",
+            "Old name of --error-sense, for ISG and TwinCAT CNC tables only.",
+            renamed=Renamed("error_sense", frozenset({"isg"})),
         ),
     ] = None
 
@@ -256,8 +270,10 @@ def _declared() -> Iterator[Declared]:
 
 
 DECLARED: Final[Mapping[str, Declared]] = MappingProxyType({each.name: each for each in _declared()})
-OPTIONS: Final = tuple(name for name, each in DECLARED.items() if not each.option.is_for_all)
-"""What has a meaning for some formats only."""
+OPTIONS: Final = tuple(
+    name for name, each in DECLARED.items() if not each.option.is_for_all and each.option.renamed is None
+)
+"""What has a meaning for some formats only, without old names."""
 
 
 def choices(name: str) -> str:

@@ -107,7 +107,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             f"file_counts_per_unit = counts of the motor per {context.option_units(units).value} on the OLD "
             "control, negative where they fall while the axis goes up",
         )
-    sense = required_sense(source, context, None, _WHAT, _WHY)
+    sense = required_sense(source, context, _WHAT, _WHY)
     if table.values[-1]:
         raise source.error(
             f"a last entry of {table.values[-1]}, which also stands for the zero of the motor, where the "

@@ -108,7 +108,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     forward, backward = _directions(source, axis, chosen)
     units = told_units(source, context, _WHAT)
     context = context_in_file_units(source, context, units)
-    sense = required_sense(source, context, None, _WHAT)
+    sense = required_sense(source, context, _WHAT)
     rows = _rows(forward, backward, sense.to_correction)
     check_stated(source, rows, units, context)
     turn = siemens_lines.turn_of(source, forward.numbers, rows)

@@ -64,7 +64,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     tables, gaps = _parse(source)
     axis = _choose(source, tables, context)
     context = context_in_file_units(source, context, Units.MM)
-    sense = required_sense(source, context, None, _WHAT)
+    sense = required_sense(source, context, _WHAT)
     rows = tuple(
         SourceRow(x, sense.to_correction * f + 0.0, sense.to_correction * b + 0.0, f, b, line, line)
         for x, f, b, line in tables[axis]
