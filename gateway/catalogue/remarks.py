@@ -184,5 +184,12 @@ REMARKS: Final = (
         "a PMAC table has entries other than 0 where the travel never gets",
         "check the length in the file, `file_counts_per_unit` and `travel`: one of them may be wrong",
     ),
+    RemarkEntry(
+        "R14",
+        "info",
+        "an option of the table is told under its old name",
+        "write the new name, with the same value; `check` warns until then. The old name stays accepted, for "
+        "the formats that it was for",
+    ),
 )
 """Every code keeps its meaning for ever."""

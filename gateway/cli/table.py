@@ -17,8 +17,8 @@ from gateway.cli.table_reading import fail, inspect, problems, usage
 from gateway.cli.table_template import template
 from gateway.tabfile import Lint, Problem, Severity, TabFileError
 from gateway.tabfile import explain as explain_at
-from gateway.tabfile.context import MAX_POSITION
 from gateway.tabfile.explanation import to_json
+from gateway.tabfile.options import MAX_POSITION
 
 app = typer.Typer(
     no_args_is_help=True,

@@ -32,7 +32,7 @@ from gateway.tabfile import (
     axis_of_name,
     dialect_named,
 )
-from gateway.tabfile.context import MAX_SCALE, MIN_SCALE
+from gateway.tabfile.options import MAX_SCALE, MIN_SCALE
 from gateway.tabfile.resampling import Resampled, resample, tidied
 
 

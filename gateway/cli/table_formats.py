@@ -5,6 +5,7 @@ import typer
 from gateway.cli import table_output as output
 from gateway.cli.table_options import AsJson
 from gateway.tabfile import DIALECTS, OPTIONS, Dialect, UnitsOf
+from gateway.tabfile.options import DECLARED
 
 _UNITS = {
     UnitsOf.FILE: "in the file",
@@ -43,11 +44,11 @@ def formats(*, json: AsJson = False) -> None:
 
 def _options(dialect: Dialect) -> list[str]:
     """Return the options that may be needed, as they are typed."""
-    told = [f"--{name.replace('_', '-')}" for name in OPTIONS if name in dialect.uses]
+    told = [DECLARED[name].typed for name in OPTIONS if name in dialect.uses]
     if dialect.units is not UnitsOf.FILE:
-        told.insert(0, "--units")
+        told.insert(0, DECLARED["file_units"].typed)
     if any(other.recognise is dialect.recognise for other in DIALECTS if other is not dialect):
-        told.insert(0, "--format")  # nothing in a text tells the two apart
+        told.insert(0, DECLARED["format"].typed)  # nothing in a text tells the two apart
     return told
 
 

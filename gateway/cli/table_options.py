@@ -1,19 +1,20 @@
 """Options that the commands of ``pitch-gateway table`` share: what a file does not say about itself.
 
-They stand once, in :class:`Told` and :class:`Wanted`; :func:`takes_file_options` gives them to a command.
+What can be told about a file is declared in :mod:`gateway.tabfile.options`, the rest in :class:`Told` and
+:class:`Wanted`; :func:`takes_file_options` gives them to a command.
 """
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from dataclasses import fields as fields_of
 from functools import wraps
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 
 from gateway.compensation.units import Units
-from gateway.tabfile import DIALECTS, ErrorSense, FileContext, HomeSide, V1Layout
+from gateway.tabfile import DIALECTS, ErrorSense, FileContext, TableOptions, V1Layout
+from gateway.tabfile.options import DECLARED, Declared
 
 
 def format_names() -> Sequence[str]:
@@ -48,72 +49,9 @@ def _one_of(names: Sequence[str], name: str | None) -> str | None:
     return name
 
 
+_OF_FORMATS: Final[Mapping[str, Any]] = {"autocompletion": _complete_format, "callback": _known_format}
+"""What typer is told about an option that names a format, besides its declaration."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-FileCounts = Annotated[
-    float | None,
-    typer.Option(
-        "--file-counts-per-unit",
-        metavar="N",
-        help="Encoder counts of the OLD control per machine unit, negative where its Dir Rev was Y "
-        "(files that hold counts).",
-    ),
-]
-FileHome = Annotated[
-    HomeSide | None, typer.Option(help="The end at which the axis homes; checked against the file.")
-]
-FileStart = Annotated[
-    float | None,
-    typer.Option(
-        metavar="S", help="Position of the lowest point (Mint: of mark A), where the file does not prove it."
-    ),
-]
-Increment = Annotated[
-    float | None,
-    typer.Option(
-        "--increment",
-        metavar="STEP",
-        help="Distance of the points of a Mint table, where the program does not set PRECISIONINCREMENT.",
-    ),
-]
-Layout = Annotated[
-    V1Layout | None,
-    typer.Option(
-        "--v1-layout",
-        help="Is home the first value of a Centroid version 1 file (listed) or not in it (implicit)?",
-    ),
-]
-FileAxis = Annotated[
-    str | None,
-    typer.Option("--file-axis", metavar="NAME", help="What a file that holds several axes calls this one."),
-]
-FagorSense = Annotated[
-    ErrorSense | None,
-    typer.Option("--fagor-sense", help="What the file of a Fagor control calls an error; no manual says it."),
-]
-IsgSense = Annotated[
-    ErrorSense | None,
-    typer.Option(
-        "--isg-sense",
-        help="What the file of an ISG kernel or TwinCAT calls an error; default: actual_minus_command.",
-    ),
-]
-AnySense = Annotated[
-    ErrorSense | None,
-    typer.Option(
-        "--error-sense",
-        help="What the file calls an error, for every format that leaves it open (see 'table formats').",
-    ),
-]
-Format = Annotated[
-    str | None,
-    typer.Option(
-        "--format",
-        metavar="NAME",
-        help="Format of the file, where its text fits several: see 'table formats'.",
-        autocompletion=_complete_format,
-        callback=_known_format,
-    ),
-]
 Target = Annotated[
     str,
     typer.Option(
@@ -132,40 +70,22 @@ Counts = Annotated[
     float | None,
     typer.Option("--counts-per-unit", metavar="N", help="Counts of the drive per machine unit, signed."),
 ]
-AxisUnits = Annotated[
-    Units | None,
-    typer.Option(
-        "--units",
-        help="Machine units of a file that states none; a file that states others is refused. Default for "
-        "Centroid version 1: inch.",
-    ),
-]
+AxisUnits = Annotated[Units | None, typer.Option("--units", help=DECLARED["file_units"].option.help)]
 AxisLetter = Annotated[
     str | None, typer.Option("--axis", metavar="LETTER", help="The axis that the table is meant for.")
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class Told:
-    """What was told about a file on the command line."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told(TableOptions):
+    """What was told about a file on the command line: every option that is declared, and the axis.
 
-    format: Format = None
-    file_counts_per_unit: FileCounts = None
-    file_home: FileHome = None
-    file_start: FileStart = None
-    increment: Increment = None
-    file_axis: FileAxis = None
-    v1_layout: Layout = None
-    fagor_sense: FagorSense = None
-    isg_sense: IsgSense = None
-    error_sense: AnySense = None
+    ``units`` tell the ``file_units`` too, of a file that states none.
+    """
+
     travel: Travel = None
     units: AxisUnits = None
     axis: AxisLetter = None
-
-    def sense(self) -> ErrorSense | None:
-        """Return the sense of the errors, whichever option told it."""
-        return self.error_sense or self.isg_sense or self.fagor_sense
 
     def context(self, counts_per_unit: float | None = None) -> FileContext:
         """Return it for a reader; ``counts_per_unit`` is the drive's.
@@ -173,8 +93,13 @@ class Told:
         Raises:
             ContextError: something of it cannot be true.
         """
-        told = {each.name: getattr(self, each.name) for each in fields_of(self)}
-        return FileContext(**told, counts_per_unit=counts_per_unit)
+        return FileContext(
+            **self.told(),
+            travel=self.travel,
+            units=self.units,
+            axis=self.axis,
+            counts_per_unit=counts_per_unit,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,22 +144,40 @@ def takes_file_options(command: Callable[..., None]) -> Callable[..., None]:
     Each field becomes an option of the command.
     """
     parameters: list[inspect.Parameter] = []
-    groups: dict[str, type[Told | Wanted]] = {}
+    groups: dict[str, tuple[type[Told | Wanted], list[str]]] = {}
     for name, parameter in inspect.signature(command, eval_str=True).parameters.items():
         if parameter.annotation in {Told, Wanted}:
-            groups[name] = parameter.annotation
-            fields = inspect.signature(parameter.annotation, eval_str=True).parameters.values()
-            parameters += [field.replace(kind=parameter.kind) for field in fields]
+            fields = [field.replace(kind=parameter.kind) for field in _parameters(parameter.annotation)]
+            groups[name] = parameter.annotation, [field.name for field in fields]
+            parameters += fields
         else:
             parameters.append(parameter)
 
     @wraps(command)
     def run(**options: Any) -> None:
-        for name, group in groups.items():
-            options[name] = group(**{field.name: options.pop(field.name) for field in fields_of(group)})
+        for name, (group, fields) in groups.items():
+            options[name] = group(**{field: options.pop(field) for field in fields})
         command(**options)
 
     # what typer looks at
     run.__dict__["__signature__"] = inspect.Signature(parameters)
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return run
+
+
+def _parameters(group: type[Told | Wanted]) -> Iterator[inspect.Parameter]:
+    for field in inspect.signature(group, eval_str=True).parameters.values():
+        declared = DECLARED.get(field.name) if group is Told else None
+        if declared is None:
+            yield field
+        elif not declared.option.typed_as:
+            yield field.replace(annotation=_typer_option(declared))
+
+
+def _typer_option(declared: Declared) -> Any:
+    more = _OF_FORMATS if declared.name == "format" else {}
+    said = declared.option
+    option = typer.Option(
+        declared.typed, metavar=said.metavar, help=said.help, hidden=said.renamed is not None, **more
+    )
+    return Annotated[declared.type | None, option]

@@ -120,7 +120,7 @@ def _as_old(given: WriteOptions, loaded: LoadedTable, target: Dialect, told: Tol
     if scale is None and "file_counts_per_unit" in target.writes:
         scale = told.file_counts_per_unit
     if target.name == loaded.format:  # whoever reads FILE reads OUT in the same way
-        sense = sense or told.sense()
+        sense = sense or loaded.source.context.error_sense
         file_axis = file_axis or loaded.source.file_axis
     layout = told.v1_layout if "v1_layout" in target.writes else None
     return replace(given, file_counts_per_unit=scale, v1_layout=layout, file_axis=file_axis, sense=sense)

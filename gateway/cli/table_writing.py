@@ -24,6 +24,7 @@ from gateway.tabfile import (
     Written,
     parse_table,
 )
+from gateway.tabfile.options import DECLARED
 from gateway.tabfile.readings import largest_difference
 from gateway.tabfile.text import decode
 
@@ -110,7 +111,7 @@ def told_to_reader(written: Written, target: Dialect) -> dict[str, object]:
 def reader_lines(written: Written, target: Dialect) -> list[str]:
     """Say the same as options of the command line; no line where nothing is to be told."""
     options = " ".join(
-        f"--{'units' if name == 'file_units' else name.replace('_', '-')} {fact}"
+        f"{DECLARED[name].typed if name in DECLARED else f'--{name}'} {fact}"
         for name, fact in sorted(told_to_reader(written, target).items())
     )
     return [f"to be told when it is read: {options}"] if options else []

@@ -9,6 +9,7 @@ from gateway.compensation import settings
 from gateway.compensation.settings import BacklashKind, Gain, Outside, Setpoints
 from gateway.compensation.units import Units
 from gateway.config.axis_values import GainValue, OutsideValue, ReversalValue
+from gateway.config.table_options import TableOptionsSection
 from gateway.config.terms_model import CrossSpec, ThermalSpec
 from gateway.config.values import (
     Counts,
@@ -33,7 +34,6 @@ from gateway.exchange.plan import (
     Late,
     Reference,
 )
-from gateway.tabfile import ErrorSense, HomeSide, V1Layout
 
 
 class HomeApproach(Enum):
@@ -88,94 +88,6 @@ class BacklashSpec(StrictModel):
 
     width: PositiveLength = Field(description="the lost motion, in units")
     kind: ByName[BacklashKind] = Field(description="where it is put")
-
-
-class TableOptions(StrictModel):
-    """What a table file cannot prove about itself."""
-
-    file_counts_per_unit: CountsPerUnit | None = Field(
-        default=None,
-        description="encoder counts per unit of the control that the file was made for",
-        json_schema_extra=documented(
-            meaning=(
-                "version 1: encoder counts per unit of the control that the file was made "
-                "for, negative for its Dir Rev"
-            )
-        ),
-    )
-    v1_layout: ByName[V1Layout] | None = Field(
-        default=None,
-        description="what the first value belongs to",
-        json_schema_extra=documented(
-            meaning=("version 1: whether the first value belongs to home or to one interval from it")
-        ),
-    )
-    file_start: Length | None = Field(
-        default=None,
-        description="machine position of the first point",
-        json_schema_extra=documented(
-            meaning=(
-                "version 2: machine position of the first point. Mint: machine position "
-                "of mark A, needed where `PRECISIONOFFSET` is missing or not 0"
-            )
-        ),
-    )
-    increment: PositiveLength | None = Field(
-        default=None,
-        description="distance of the points of a Mint program that does not set it",
-        json_schema_extra=documented(
-            meaning=("Mint: distance of the points, where the program does not set `PRECISIONINCREMENT`")
-        ),
-    )
-    file_home: ByName[HomeSide] | None = Field(
-        default=None,
-        description="the end at which it homes",
-        json_schema_extra=documented(meaning="the end at which the axis of the file homes"),
-    )
-    format: str | None = Field(
-        default=None,
-        description="name of the format, where the text fits several",
-        json_schema_extra=documented(
-            meaning=("name of the format where the text fits several, such as LinuxCNC's two types")
-        ),
-    )
-    file_units: ByName[Units] | None = Field(
-        default=None,
-        description="units of a file that states none",
-        json_schema_extra=documented(
-            meaning=(
-                "units of a file that states none; every length in this table stays in units of the axis"
-            )
-        ),
-    )
-    file_axis: str | None = Field(
-        default=None,
-        description="name of the axis in a file of several",
-        json_schema_extra=documented(meaning="what a file that holds several axes calls this one"),
-    )
-    fagor_sense: ByName[ErrorSense] | None = Field(
-        default=None,
-        description="how the error was meant",
-        json_schema_extra=documented(
-            meaning=(
-                "Fagor tables: whether an error is where the nut was less where it should be, or the reverse"
-            )
-        ),
-    )
-    isg_sense: ByName[ErrorSense] | None = Field(
-        default=None,
-        description="how the error was meant",
-        json_schema_extra=documented(
-            meaning=("ISG and TwinCAT CNC tables: the same; where it is not told, actual less command")
-        ),
-    )
-    error_sense: ByName[ErrorSense] | None = Field(
-        default=None,
-        description="how the error was meant",
-        json_schema_extra=documented(
-            meaning=("the same for every format whose errors have no fixed sign, such as Heidenhain's")
-        ),
-    )
 
 
 class AxisSection(StrictModel):
@@ -269,8 +181,8 @@ class AxisSection(StrictModel):
             default="none: 1:1",
         ),
     )
-    table_options: TableOptions = Field(
-        default=TableOptions(),
+    table_options: TableOptionsSection = Field(
+        default=TableOptionsSection(),
         description="what the file cannot prove about itself",
         json_schema_extra=documented(more="See below"),
     )

@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 
 from gateway.compensation.settings import Gain, Outside
 from gateway.config import values
-from gateway.config.axis_model import AxisSection, GroupSection, TableOptions
+from gateway.config.axis_model import AxisSection, GroupSection
 from gateway.config.axis_values import GainValue, OutsideValue, ReversalValue
 from gateway.config.bounds import bounds_text
 from gateway.config.gateway_model import CaptureSection, GatewaySection, StatusUnitSection
@@ -23,6 +23,7 @@ from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSec
 from gateway.config.mqtt_model import MqttSection
 from gateway.config.relay_model import RelaySection
 from gateway.config.rights_model import RoleKeys, Span
+from gateway.config.table_options import TableOptionsSection
 from gateway.config.terms_model import CrossSpec, TemperatureSource, ThermalSpec
 from gateway.config.tls_model import ControllerTls
 from gateway.drives.registers import ActualSpec, BitSpec, CommandSpec, PositionSpec, RegisterMap
@@ -72,7 +73,7 @@ TABLES: Final[Mapping[str, KeyTable]] = {
     "line.controllers.tls": KeyTable((ControllerTls,)),
     "line.controllers.roles": KeyTable((RoleKeys,), is_brief=True),
     "axis": KeyTable((AxisSection,)),
-    "axis.table_options": KeyTable((TableOptions,)),
+    "axis.table_options": KeyTable((TableOptionsSection,)),
     "axis.thermal": KeyTable((ThermalSpec,)),
     "axis.thermal.source": KeyTable((TemperatureSource,)),
     "axis.cross": KeyTable((CrossSpec,)),

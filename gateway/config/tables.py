@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.config.axis_model import AxisSection, TableOptions
+from gateway.config.axis_model import AxisSection
 from gateway.config.findings import Findings
 from gateway.config.problems import Problem, key_text
 from gateway.config.settings_of import settings_of
@@ -26,6 +26,10 @@ from gateway.tabfile import (
 
 COVERAGE_LINT: Final = "L8"
 """Reported here instead: only the configuration knows which policy holds outside the table."""
+
+
+OLD_NAME_LINT: Final = "R14"
+"""A warning here, though a table is read as well under an old name: a configuration is kept."""
 
 
 LOST_MOTION_LINT: Final = "R8"
@@ -103,7 +107,7 @@ def table_in(
         elif lint.code == LOST_MOTION_LINT:
             if not lost_motion_is_taken_up:
                 findings.warnings.append(replace(remark, remedy=_backlash_of(loaded)))
-        elif lint.severity is Severity.WARNING and lint.code != COVERAGE_LINT:
+        elif lint.code == OLD_NAME_LINT or (lint.severity is Severity.WARNING and lint.code != COVERAGE_LINT):
             findings.warnings.append(remark)
     return loaded
 
@@ -120,7 +124,7 @@ def _numbered(readings: tuple[str, ...]) -> list[str]:
 
 def write_options_of(axis: AxisSection, name: str) -> WriteOptions:
     """Return what a table of the axis must be written with so that its configuration reads the same."""
-    options = axis.table_options
+    options = axis.table_options.options()
     return WriteOptions(
         axis=_letter(name),
         file_counts_per_unit=options.file_counts_per_unit,
@@ -138,9 +142,8 @@ def _letter(name: str) -> str | None:
 def context_of(axis: AxisSection, name: str) -> FileContext:
     """Return what the configuration knows about a table file that the file does not say itself."""
     settings = settings_of(axis)
-    told = {option: getattr(axis.table_options, option) for option in TableOptions.model_fields}
     return FileContext(
-        **told,
+        **axis.table_options.options().told(),
         axis=_letter(name),
         units=axis.units,
         travel=None if axis.modulo else axis.travel,

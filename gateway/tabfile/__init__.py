@@ -4,14 +4,15 @@ The sign is the same in all of them: what a file calls its value is turned into 
 commanded position. A reader infers only what the file proves; the rest it is told, or it refuses.
 """
 
-from gateway.tabfile.context import ErrorSense, FileContext, HomeSide, V1Layout
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, LoadedTable, SourceRow
-from gateway.tabfile.dialects import DIALECTS, OPTIONS, Dialect, UnitsOf, dialect_named
+from gateway.tabfile.dialects import DIALECTS, Dialect, UnitsOf, dialect_named
 from gateway.tabfile.errors import ContextError, Problem, TabFileError
 from gateway.tabfile.explanation import Explanation, explain
 from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.load import dialect_of, inspect_table, parse_table, read_table
 from gateway.tabfile.names import FoundTable, TableState, axis_of_name, find_axis_tables, find_table
+from gateway.tabfile.options import OPTIONS, ErrorSense, HomeSide, TableOptions, V1Layout
 from gateway.tabfile.writing import WriteOptions, Written
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "Severity",
     "SourceRow",
     "TabFileError",
+    "TableOptions",
     "TableState",
     "UnitsOf",
     "V1Layout",

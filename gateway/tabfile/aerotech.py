@@ -34,11 +34,12 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import MAX_POSITION, FileContext
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.options import MAX_POSITION
 from gateway.tabfile.ranges import check_home, check_own_range, context_in_file_units, told_units
 from gateway.tabfile.readings import Reading
 from gateway.tabfile.sums import check_points, check_sum, stamped, stated_facts
@@ -47,6 +48,7 @@ from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve,
 
 NAME: Final = "aerotech-cal"
 TITLE: Final = "Aerotech axis calibration (.cal), one direction, even grid"
+USES: Final = frozenset({"file_start", "file_home", "file_axis"})
 COMMENTS: Final = ";'"
 MAX_PROBLEMS: Final = 20
 PER_LINE: Final = 6

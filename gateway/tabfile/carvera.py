@@ -20,10 +20,11 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import MAX_POSITION, FileContext
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
+from gateway.tabfile.options import MAX_POSITION, to_tell
 from gateway.tabfile.ranges import context_in_file_units
 from gateway.tabfile.stated import check_stated
 from gateway.tabfile.text import SourceText, listed, shown
@@ -32,6 +33,7 @@ from gateway.tabfile.writing import WriteOptions, Written, unwritable
 NAME: Final = "carvera"
 TITLE: Final = "Carvera Community pitch_compensation.dat: multipliers, one direction; read only"
 SUFFIX: Final = ".dat"
+USES: Final = frozenset({"file_start", "file_axis"})
 MAX_PROBLEMS: Final = 20
 LEAST, MOST = 0.5, 1.5
 _UM_PER_MM: Final = 1000.0
@@ -134,7 +136,7 @@ def _choose(source: SourceText, axes: dict[str, list[_Point]], context: FileCont
     if told is None and len(axes) > 1:
         raise source.error(
             f"points of {listed(axes)}",
-            f"file_axis = {next(iter(axes))!r}, for example (--file-axis on the command line)",
+            to_tell("file_axis", f"{next(iter(axes))!r}, for example"),
         )
     return told or next(iter(axes))
 

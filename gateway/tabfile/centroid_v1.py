@@ -24,10 +24,11 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import MM_PER_INCH, Units
-from gateway.tabfile.context import FileContext, V1Layout
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import INTEGER_ALLOWED, to_integer
+from gateway.tabfile.options import V1Layout, choices
 from gateway.tabfile.ranges import check_home, check_range, check_start
 from gateway.tabfile.readings import Reading, describe_both
 from gateway.tabfile.text import Line, SourceText, shown
@@ -44,6 +45,7 @@ from gateway.tabfile.writing import (
 
 NAME: Final = "centroid-1"
 TITLE: Final = "Centroid version 1 (CNC7 6.00 to 7.17), one direction, encoder counts"
+USES: Final = frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"})
 ROUND_MM: Final = 1.0
 ROUND_INCH: Final = 0.05
 ROUND_DEGREE: Final = 1.0
@@ -177,7 +179,7 @@ def _decide_layout(
             raise source.error(
                 f"a first value of {counts.values[0]}, which home itself would not have, while only the "
                 f"interval with home listed is round ({listed_step}; without {implicit_step})",
-                "v1_layout = 'listed' or 'implicit', or 0 as the value of home",
+                f"{choices('v1_layout')}, or 0 as the value of home",
                 line=counts.lines[0],
                 readings=describe_both(*readings),
             )
@@ -197,7 +199,7 @@ def _decide_layout(
     raise source.error(
         f"a layout that nothing proves: intervals of {listed_step} (first value is home) and "
         f"{implicit_step} (home not listed) are {'both' if listed_round else 'neither'} round",
-        "v1_layout = 'listed' or 'implicit'",
+        choices("v1_layout"),
         readings=describe_both(*readings),
     )
 

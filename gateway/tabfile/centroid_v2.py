@@ -39,6 +39,7 @@ from gateway.tabfile.writing import LARGER_SCALE, WriteOptions, Written, even_st
 
 NAME: Final = "centroid-2"
 TITLE: Final = "Centroid version 2 (CNC7 7.50 and up, CNC10 below 2.61), two directions, tenths or microns"
+USES: Final = frozenset({"file_counts_per_unit", "file_start", "file_home"})
 MAX_VALUE: Final = 999.9999
 MIN_INTERVALS: Final = 2
 COUNTS_TOLERANCE: Final = 1e-4

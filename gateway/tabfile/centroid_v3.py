@@ -25,10 +25,11 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext, HomeSide
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer, with_point
+from gateway.tabfile.options import HomeSide
 from gateway.tabfile.ranges import check_home, context_in_file_units
 from gateway.tabfile.readings import Reading, describe_both
 from gateway.tabfile.stated import check_stated
@@ -37,6 +38,7 @@ from gateway.tabfile.writing import WriteOptions, Written, even_step, home_side,
 
 NAME: Final = "centroid-3"
 TITLE: Final = "Centroid version 3 (CNC10 2.61 and up, CNC11, CNC12), two directions, machine units"
+USES: Final = frozenset({"file_start", "file_home"})
 INTERVAL_TOLERANCE: Final = 1e-4
 HOME_TOLERANCE: Final = 1e-6
 MIN_STEP: Final = 1e-3

@@ -42,6 +42,7 @@ from gateway.tabfile.writing import WriteOptions, Written
 
 NAME: Final = "csv"
 TITLE: Final = "plain CSV with named columns, free positions, two directions, full precision"
+USES: Final = frozenset({"file_start", "file_home"})
 EXAMPLE: Final = "a header such as position_mm,forward_mm,backward_mm"
 _SIGN: Final = re.compile(r"(?i)(?:^|[^a-z])(?:position|forward|backward|correction|error)_[a-z]")
 _COLUMN: Final = re.compile(

@@ -34,6 +34,7 @@ from gateway.tabfile.context import FileContext
 from gateway.tabfile.curves import steepest
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.options import to_tell
 from gateway.tabfile.strangers import stranger_of
 from gateway.tabfile.text import SourceText, decode, shown
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
@@ -50,20 +51,6 @@ class UnitsOf(Enum):
     """Nobody knows them but who made the file: ``file_units``."""
 
 
-OPTIONS: Final = (
-    "file_counts_per_unit",
-    "v1_layout",
-    "file_start",
-    "increment",
-    "file_home",
-    "file_axis",
-    "fagor_sense",
-    "isg_sense",
-    "error_sense",
-)
-"""What can be told about a file and has a meaning in some dialects only."""
-
-
 @dataclass(frozen=True, slots=True)
 class Dialect:
     """One file format: how to tell it, read it and write it."""
@@ -76,7 +63,7 @@ class Dialect:
     written: Callable[[CorrectionTable, WriteOptions], Written]
     """Makes the text, for :meth:`write`."""
     uses: frozenset[str]
-    """Names of :data:`OPTIONS` that it may need; the others get remark R3."""
+    """Names of options of a table that it may need; the others get remark R3."""
     units: UnitsOf = UnitsOf.FILE
     suffix: str = ".tab"
     """What files of this dialect are usually called."""
@@ -112,6 +99,7 @@ class Module(Protocol):
 
     NAME: str
     TITLE: str
+    USES: frozenset[str]
 
     def recognise(self, source: SourceText, /) -> bool:
         """See :class:`Dialect`."""
@@ -125,36 +113,31 @@ class Module(Protocol):
 
 def _of(module: Module) -> partial[Dialect]:
     """Return what becomes the entry of a file that is one dialect, as soon as the rest of it is said."""
-    return partial(Dialect, module.NAME, module.TITLE, module.recognise, module.read, module.write)
+    return partial(
+        Dialect, module.NAME, module.TITLE, module.recognise, module.read, module.write, module.USES
+    )
 
 
 DIALECTS: Final = (
-    _of(centroid_v3)(
-        uses=frozenset({"file_start", "file_home"}),
-    ),
+    _of(centroid_v3)(),
     _of(centroid_v2)(
-        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         writes=frozenset({"file_counts_per_unit"}),
     ),
     _of(centroid_v1)(
-        uses=frozenset({"file_counts_per_unit", "v1_layout", "file_start", "file_home"}),
         units=UnitsOf.AXIS,
         directions=1,
         writes=frozenset({"file_counts_per_unit", "v1_layout"}),
     ),
     _of(csv_table)(
-        uses=frozenset({"file_start", "file_home"}),
         suffix=".csv",
     ),
     _of(fanuc)(
-        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         units=UnitsOf.TOLD,
         suffix=".csv",
         directions=1,
         writes=frozenset({"file_counts_per_unit"}),
     ),
     _of(mitsubishi)(
-        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         units=UnitsOf.TOLD,
         suffix=".csv",
         directions=1,
@@ -166,7 +149,7 @@ DIALECTS: Final = (
         linuxcnc.recognise,
         linuxcnc.read_type_0,
         linuxcnc.write_type_0,
-        uses=frozenset({"file_start"}),
+        linuxcnc.USES,
         units=UnitsOf.TOLD,
         suffix=linuxcnc.SUFFIX,
     ),
@@ -176,36 +159,31 @@ DIALECTS: Final = (
         linuxcnc.recognise,
         linuxcnc.read_type_1,
         linuxcnc.write_type_1,
-        uses=frozenset({"file_start"}),
+        linuxcnc.USES,
         units=UnitsOf.TOLD,
         suffix=linuxcnc.SUFFIX,
     ),
     _of(isg)(
-        uses=frozenset({"file_counts_per_unit", "file_start", "isg_sense", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix=".lis",
         writes=frozenset({"file_counts_per_unit", "sense"}),
     ),
     _of(fagor)(
-        uses=frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix="",
         writes=frozenset({"file_axis", "sense"}),
     ),
     _of(fagor_8065)(
-        uses=frozenset({"file_start", "file_axis", "fagor_sense", "error_sense"}),
         suffix=fagor_8065.SUFFIX,
         writes=frozenset({"file_axis", "sense"}),
     ),
     _of(aerotech)(
-        uses=frozenset({"file_start", "file_home", "file_axis"}),
         units=UnitsOf.TOLD,
         suffix=".cal",
         directions=1,
         writes=frozenset({"file_axis"}),
     ),
     _of(renishaw_ren)(
-        uses=frozenset({"file_counts_per_unit", "file_start", "file_home"}),
         units=UnitsOf.TOLD,
         suffix=".ren",
         is_writable=False,
@@ -216,42 +194,36 @@ DIALECTS: Final = (
         mint.recognise,
         mint.read,
         mint_writing.write,
-        uses=frozenset({"file_start", "increment", "file_axis"}),
+        mint.USES,
         units=UnitsOf.TOLD,
         suffix=mint.SUFFIX,
         writes=frozenset({"file_axis"}),
     ),
     _of(heidenhain)(
-        uses=frozenset({"file_start", "file_axis", "error_sense"}),
         suffix=".com",
         writes=frozenset({"file_axis", "sense"}),
     ),
     _of(siemens)(
-        uses=frozenset({"file_start", "file_axis"}),
         units=UnitsOf.TOLD,
         suffix=siemens.SUFFIX,
         directions=1,
         writes=frozenset({"file_axis"}),
     ),
     _of(siemens_cec)(
-        uses=frozenset({"file_start", "file_axis", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix=siemens_cec.SUFFIX,
         writes=frozenset({"file_axis", "sense"}),
     ),
     _of(weihong)(
-        uses=frozenset({"file_start", "file_axis", "error_sense"}),
         suffix=weihong.SUFFIX,
         writes=frozenset({"file_axis", "sense"}),
     ),
     _of(carvera)(
-        uses=frozenset({"file_start", "file_axis"}),
         suffix=carvera.SUFFIX,
         directions=1,
         is_writable=False,
     ),
     _of(pmac)(
-        uses=frozenset({"file_counts_per_unit", "file_axis", "error_sense"}),
         units=UnitsOf.TOLD,
         suffix=pmac.SUFFIX,
         directions=1,
@@ -296,7 +268,7 @@ def choose(source: SourceText, told: str | None) -> Dialect:
     if candidates:
         raise source.error(
             f"a text that fits {names}: they differ in what the numbers mean",
-            f"format = {names} (--format on the command line)",
+            to_tell("format", names),
             line=first.number,
         )
     is_shown = _OF_A_TABLE.fullmatch(first.text) is not None

@@ -13,7 +13,7 @@ Positions are coordinates from machine zero and begin with the most negative one
 in all lines or in none. Two different letters are a table of cross compensation, refused here.
 
 Units are those of the machine's parameters; the file has none, so ``file_units`` is required. The manual
-speaks of the "amount of error" and never says which sign it has, so ``fagor_sense`` is required. If all
+speaks of the "amount of error" and never says which sign it has, so ``error_sense`` is required. If all
 negative errors are 0, the positive ones hold in both directions; the manual's own example (compensation in
 the positive direction) contradicts this rule, and the rule is followed. The control allows a slope of 100 %;
 here it must stay below, or it could not be undone.
@@ -28,10 +28,11 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import ErrorSense, FileContext
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import to_decimal
+from gateway.tabfile.options import ErrorSense
 from gateway.tabfile.ranges import context_in_file_units, told_units
 from gateway.tabfile.senses import RULES, required_sense
 from gateway.tabfile.stated import check_stated, is_closed
@@ -40,6 +41,7 @@ from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "fagor-8055"
 TITLE: Final = "Fagor 8055 leadscrew table (P001 X-20 EX 0.001), one or two directions"
+USES: Final = frozenset({"file_start", "file_axis", "error_sense"})
 MAX_POINTS: Final = 1000
 MAX_VALUE: Final = {Units.MM: 99999.9999, Units.INCH: 3937.00787, Units.DEGREE: 99999.9999}
 DECIMALS: Final = {Units.MM: 4, Units.INCH: 5, Units.DEGREE: 4}
@@ -89,7 +91,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     units = told_units(source, context, _WHAT)
     _check_values(source, found, units)
     context = context_in_file_units(source, context, units)
-    sense = required_sense(source, context, "fagor_sense", _WHAT)
+    sense = required_sense(source, context, _WHAT)
     is_both_ways, decision = _directions(found)
     rows = _rows(found, sense, is_both_ways=is_both_ways)
     check_stated(source, rows, units, context)
@@ -291,7 +293,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         place = f"{axis.upper()}{_sign(position)}{abs(position):10.{decimals}f}"
         lines.append(f"{'':11}P{index:03d}{'':14}{place}{fields}\r\n")
     context = FileContext(
-        axis=options.axis, file_axis=options.file_axis, file_units=table.units, fagor_sense=options.sense
+        axis=options.axis, file_axis=options.file_axis, file_units=table.units, error_sense=options.sense
     )
     return Written("".join(lines), tuple(losses), context)
 

@@ -36,6 +36,7 @@ from gateway.tabfile.writing import WriteOptions, Written, unwritable
 NAME: Final = "fagor-8065"
 TITLE: Final = "Fagor 8065 machine parameters of an axis (.mp), one or two directions"
 SUFFIX: Final = ".mp"
+USES: Final = frozenset({"file_start", "file_axis", "error_sense"})
 ENCODING: Final = "utf-16-le"
 MAX_PROBLEMS: Final = 20
 DECIMALS: Final = {Units.MM: 4, Units.INCH: 5}
@@ -79,7 +80,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     is_both_ways = not _BIDIR[bidir]
     _check_whole(source, facts["NPOINTS"], size, points)
     context = context_in_file_units(source, context, units)
-    sense = required_sense(source, context, "fagor_sense", _WHAT)
+    sense = required_sense(source, context, _WHAT)
     rows = []
     for number in range(1, size + 1):
         place, positive, negative = (points[name, number] for name in _DATA)
@@ -236,7 +237,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         f"positions and values are rounded to {decimals} decimals ({table.units.value})",
         "it has the leadscrew lines only: put them in the place of those in the file that the control saved",
     )
-    context = FileContext(axis=options.axis, file_axis=options.file_axis, fagor_sense=options.sense)
+    context = FileContext(axis=options.axis, file_axis=options.file_axis, error_sense=options.sense)
     return Written("".join(f"{line}\n" for line in lines), losses, context, ENCODING)
 
 

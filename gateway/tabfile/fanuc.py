@@ -42,6 +42,7 @@ from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "fanuc-csv"
 TITLE: Final = "Fanuc pitch error compensation as CSV, one direction, increments in pulses"
+USES: Final = frozenset({"file_counts_per_unit", "file_start", "file_home"})
 MAX_NUMBER: Final = 1023
 """Highest point number. General knowledge, like the range of -7 to 7 and the magnification of 1 to 100."""
 _BIDIRECTIONAL: Final = "bidirectional compensation (3605#0), of which nothing tells us how its values count"

@@ -35,7 +35,7 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import ErrorSense, FileContext
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
@@ -49,6 +49,7 @@ from gateway.tabfile.heidenhain_columns import (
     parse_cells,
     parse_names,
 )
+from gateway.tabfile.options import ErrorSense
 from gateway.tabfile.ranges import context_in_file_units
 from gateway.tabfile.senses import RULES, required_sense
 from gateway.tabfile.stated import check_stated
@@ -57,6 +58,7 @@ from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "heidenhain-com"
 TITLE: Final = "Heidenhain compensation table (.COM with AXISPOS), one or two directions"
+USES: Final = frozenset({"file_start", "file_axis", "error_sense"})
 DECIMALS: Final = 6
 _UNITS: Final = {"MM": Units.MM, "INCH": Units.INCH}
 _MAX_PLAUSIBLE: Final = {Units.MM: 0.5, Units.INCH: 0.1, Units.DEGREE: inf}
@@ -109,7 +111,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     table = _parse_rows(source, columns, grid)
     _check_negative(source, columns, table)
     context = context_in_file_units(source, context, units)
-    sense = required_sense(source, context, None, "a Heidenhain compensation table")
+    sense = required_sense(source, context, "a Heidenhain compensation table")
     rows = _rows(table, sense)
     check_stated(source, rows, units, context)
     backward = f"column {NEGATIVE}" if columns.has_negative else "one value for both directions"

@@ -20,7 +20,7 @@ TwinCAT CNC manuals of axis compensation, with their example. Lines are ``key va
 Numbers are whole or, since build V3.1.3132, real. Other keys outside ``kw.ssfk`` belong to other functions.
 
 Sign: values are "absolute position errors", s_ist - s_soll, so they are subtracted. No source says so of the
-correction itself; ``isg_sense`` turns it round. Units: a list does not say whether its axis is linear, so
+correction itself; ``error_sense`` turns it round. Units: a list does not say whether its axis is linear, so
 unit 1 means mm unless ``file_units`` says degree; for a modulo axis it must be told. Increments become
 lengths by ``file_counts_per_unit``, counts per unit of the axis as with all other formats.
 """
@@ -33,7 +33,7 @@ from math import inf
 from typing import Final
 
 from gateway.compensation.units import Units
-from gateway.tabfile.context import ErrorSense, FileContext
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import to_integer
@@ -41,16 +41,18 @@ from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.isg_keys import CYCLES, DEFAULT_MAX_POINTS, NAME, PER_UNIT, Keys, sort_keys
 from gateway.tabfile.isg_list import MAX_PROBLEMS, Entry, parse_list
 from gateway.tabfile.isg_writing import write
+from gateway.tabfile.options import ErrorSense, to_tell
 from gateway.tabfile.ranges import context_in_file_units, unused_options
-from gateway.tabfile.senses import RULES, told_sense
+from gateway.tabfile.senses import RULES
 from gateway.tabfile.stated import check_stated, is_closed
 from gateway.tabfile.text import SourceText, shown
 
-__all__ = ["NAME", "TITLE", "read", "recognise", "write"]
+__all__ = ["NAME", "TITLE", "USES", "read", "recognise", "write"]
 
 TITLE: Final = (
     "ISG kernel and Beckhoff TwinCAT CNC compensation list (kw.ssfk), errors in 0.1 µm or increments"
 )
+USES: Final = frozenset({"file_counts_per_unit", "file_start", "error_sense"})
 MAX_CYCLES: Final = 19
 SETPOINT_TOLERANCE: Final = 1e-6
 """A setpoint beside an interval may be off by this fraction of it."""
@@ -88,7 +90,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     units, unit_decision = _units(source, shape, context)
     context = context_in_file_units(source, context, units)
     scale = PER_UNIT if shape.is_metric else _scale(source, context)
-    sense = told_sense(source, context, "isg_sense")
+    sense = context.error_sense
     rows = _rows(keys, shape, scale, sense or ErrorSense.ACTUAL_MINUS_COMMAND)
     check_stated(source, rows, units, context)
     if shape.is_modulo and not is_closed(rows):
@@ -147,7 +149,7 @@ def _units(source: SourceText, shape: _Shape, context: FileContext) -> tuple[Uni
         if units is None:
             raise source.error(
                 "a list in increments (unit 0), for an axis of unknown units",
-                "file_units = 'mm', 'inch' or 'degree' (--units on the command line)",
+                to_tell("file_units"),
             )
         return units, f"units {units.value}: {'told by file_units' if told else 'those of the axis'}"
     if told is Units.INCH:
@@ -163,7 +165,7 @@ def _units(source: SourceText, shape: _Shape, context: FileContext) -> tuple[Uni
     if shape.is_modulo:
         raise source.error(
             "a modulo list in unit 1, which is 0.0001 degree on a rotary axis and 0.1 µm on a linear one",
-            "file_units = 'degree' or 'mm' (--units on the command line)",
+            to_tell("file_units", "'degree' or 'mm'"),
         )
     return Units.MM, "units mm: unit 1 is 0.1 µm on a linear axis (0.0001 degree on a rotary one: file_units)"
 
@@ -272,7 +274,7 @@ def _sense_decision(sense: ErrorSense | None) -> str:
         return f"sense {sense.value}: told"
     return (
         "sense actual_minus_command: the manuals call the values position errors, actual - commanded; "
-        "confirm it by one test move, isg_sense turns it round"
+        "confirm it by one test move, error_sense turns it round"
     )
 
 

@@ -6,8 +6,9 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import ErrorSense, FileContext
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.isg_keys import DEFAULT_MAX_POINTS, NAME, PER_UNIT
+from gateway.tabfile.options import ErrorSense
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 _DECIMALS: Final = 2
@@ -52,7 +53,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         units=None,
         file_counts_per_unit=scale,
         file_units=table.units,
-        isg_sense=sense,
+        error_sense=sense,
     )
     return Written(
         "".join(f"{key:<35} {value}\n" for key, value in lines), _losses(positions, scale), context

@@ -42,6 +42,7 @@ NAME_1: Final = "linuxcnc-1"
 TITLE_0: Final = "LinuxCNC COMP_FILE type 0: nominal and both actual positions"
 TITLE_1: Final = "LinuxCNC COMP_FILE type 1: nominal and both trims, which are added"
 SUFFIX: Final = ".dat"
+USES: Final = frozenset({"file_start"})
 MAX_POINTS: Final = 256
 """Of LinuxCNC; what is beyond it drops in silence."""
 MIN_STEP: Final = 1e-6

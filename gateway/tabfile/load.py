@@ -6,13 +6,14 @@ from pathlib import Path
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.tabfile.context import MAX_POSITION, FileContext
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.curves import steepest
 from gateway.tabfile.decoded import Decoded, LoadedTable
-from gateway.tabfile.dialects import OPTIONS, Dialect, choose
+from gateway.tabfile.dialects import Dialect, choose
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.lints import run_lints
-from gateway.tabfile.ranges import unused_options
+from gateway.tabfile.options import DECLARED, MAX_POSITION
+from gateway.tabfile.ranges import under_new_names, unused_options
 from gateway.tabfile.text import MAX_BYTES, SourceText, decode
 
 
@@ -64,11 +65,16 @@ def parse_table(data: bytes, name: str, context: FileContext) -> LoadedTable:
     """
     source = decode(data, name)
     dialect = choose(source, context.format)
+    context, renamed = under_new_names(source, context, dialect.name)
     decoded = dialect.read(source, context)
-    unused = unused_options(context, dialect.name, (name for name in OPTIONS if name not in dialect.uses))
-    decoded = replace(decoded, remarks=(*decoded.remarks, *unused))
+    unused = unused_options(context, dialect.name, (name for name in DECLARED if not _is_used(name, dialect)))
+    decoded = replace(decoded, remarks=(*decoded.remarks, *renamed, *unused))
     table = _table(source, decoded)
     return LoadedTable(name, dialect.name, source.sha256, table, decoded, run_lints(name, table, decoded))
+
+
+def _is_used(name: str, dialect: Dialect) -> bool:
+    return DECLARED[name].option.is_for_all or name in dialect.uses
 
 
 def dialect_of(path: Path, told: str | None = None) -> Dialect:

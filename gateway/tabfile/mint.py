@@ -30,6 +30,7 @@ from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.mint_program import INCREMENT, MODE, OFFSET, TABLE, Array, Program, parse_program
 from gateway.tabfile.mint_reversal import Reversal, reversal_of
+from gateway.tabfile.options import to_tell, typed
 from gateway.tabfile.ranges import context_in_file_units, told_units
 from gateway.tabfile.stated import check_stated
 from gateway.tabfile.text import SourceText, listed
@@ -37,6 +38,7 @@ from gateway.tabfile.text import SourceText, listed
 NAME: Final = "mint"
 TITLE: Final = "Baldor and ABB Mint programs: PRECISIONTABLE, absolute positions of the nut"
 SUFFIX: Final = ".mnt"
+USES: Final = frozenset({"file_start", "increment", "file_axis"})
 MAX_PROBLEMS: Final = 20
 SAME_PLACE: Final = 1e-6
 """Points of both directions that lie closer than this, in units, are one point: at a slope of 1 % that costs
@@ -128,7 +130,7 @@ def _choose_axis(source: SourceText, program: Program, context: FileContext) -> 
     if told is None and len(names) > 1:
         raise source.error(
             f"tables of the axes {listed(names)}",
-            f"file_axis = {names[0]!r}, for example (--file-axis on the command line)",
+            to_tell("file_axis", f"{names[0]!r}, for example"),
         )
     return int(told or names[0])
 
@@ -157,7 +159,7 @@ def _increment_of(source: SourceText, program: Program, axis: int, context: File
         if told is None:
             raise source.error(
                 f"a table of axis {axis} without its {INCREMENT}",
-                f"{INCREMENT}.{axis} = a distance, or increment told (--increment on the command line)",
+                f"{INCREMENT}.{axis} = a distance, or increment told ({typed('increment')})",
                 line=program.tables[axis].line,
             )
         return told, " (told by increment)"
@@ -226,7 +228,7 @@ def _start_of(source: SourceText, program: Program, screw: _Screw, context: File
         if told is None:
             raise source.error(
                 f"no {OFFSET} of axis {screw.axis}: nothing says where mark A of the screw is",
-                "file_start = the machine position of mark A (--file-start on the command line)",
+                to_tell("file_start", "the machine position of mark A"),
                 line=program.tables[screw.axis].line,
             )
         return told, "told by file_start"
@@ -243,7 +245,7 @@ def _start_of(source: SourceText, program: Program, screw: _Screw, context: File
     )
     raise source.error(
         f"{OFFSET} {offset:g}, {found}",
-        f"{places} (--file-start on the command line): look where mark A of the screw is on the machine",
+        f"{places} ({typed('file_start')}): look where mark A of the screw is on the machine",
         line=setting.line,
         code="R9",
         readings=(_reading(screw, start, way, context) for start, way in ways) if offset else (),

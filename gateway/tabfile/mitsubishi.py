@@ -34,6 +34,7 @@ from gateway.tabfile.writing import WriteOptions, Written
 
 NAME: Final = "mitsubishi-csv"
 TITLE: Final = "Mitsubishi machine error compensation as CSV, one direction, increments in half output units"
+USES: Final = frozenset({"file_counts_per_unit", "file_start", "file_home"})
 VALUES_PER_COUNT: Final = 2
 SYSTEM: Final = System(
     title="Mitsubishi CSV",

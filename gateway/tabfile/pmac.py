@@ -33,6 +33,7 @@ from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.fields import to_integer
 from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.increments import TURN_DEGREES, is_turn
+from gateway.tabfile.options import to_tell
 from gateway.tabfile.ranges import TOUCH, context_in_file_units, told_units
 from gateway.tabfile.senses import RULES, required_sense
 from gateway.tabfile.text import SourceText, listed, shown
@@ -41,6 +42,7 @@ from gateway.tabfile.writing import WriteOptions, Written, unwritable
 NAME: Final = "pmac"
 TITLE: Final = "PMAC compensation table (DEFINE COMP), one direction, 1/16 counts; read only"
 SUFFIX: Final = ".pmc"
+USES: Final = frozenset({"file_counts_per_unit", "file_axis", "error_sense"})
 PER_COUNT: Final = 16
 _WHAT: Final = "a PMAC compensation table"
 _WHY: Final = "by its manual an entry is added (command_minus_actual), and nothing in the file proves it"
@@ -105,7 +107,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             f"file_counts_per_unit = counts of the motor per {context.option_units(units).value} on the OLD "
             "control, negative where they fall while the axis goes up",
         )
-    sense = required_sense(source, context, None, _WHAT, _WHY)
+    sense = required_sense(source, context, _WHAT, _WHY)
     if table.values[-1]:
         raise source.error(
             f"a last entry of {table.values[-1]}, which also stands for the zero of the motor, where the "
@@ -226,9 +228,7 @@ def _choose(source: SourceText, tables: Sequence[_Table], context: FileContext) 
         is_same = motors[first] == motors[second]
         raise source.error(
             f"a second table of motor {motors[second]}" if is_same else f"tables of motor {names}",
-            "one of each motor"
-            if is_same
-            else f"file_axis = one of {names} (--file-axis on the command line)",
+            "one of each motor" if is_same else to_tell("file_axis", f"one of {names}"),
             line=tables[second].line,
         )
     table, motor = tables[fitting[0]], motors[fitting[0]]

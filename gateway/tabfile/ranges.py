@@ -1,12 +1,14 @@
 """Does the range of a table fit the axis it is meant for? The checks that every dialect shares."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Final
 
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext, HomeSide
+from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import SourceRow
 from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.options import DECLARED, HomeSide, to_tell
 from gateway.tabfile.readings import Reading, describe_both
 from gateway.tabfile.text import SourceText
 
@@ -51,7 +53,7 @@ def told_units(source: SourceText, context: FileContext, what: str) -> Units:
     if context.file_units is None:
         raise source.error(
             f"{what}, which states no units",
-            "file_units = 'mm', 'inch' or 'degree' (--units on the command line)",
+            to_tell("file_units"),
         )
     return context.file_units
 
@@ -144,6 +146,32 @@ def unused_options(context: FileContext, format_name: str, names: Iterable[str])
         for name in names
         if getattr(context, name) is not None
     )
+
+
+def under_new_names(
+    source: SourceText, context: FileContext, format_name: str
+) -> tuple[FileContext, tuple[Lint, ...]]:
+    """Return the context with what was told under old names of options, and a remark for each of them.
+
+    An old name that holds for other formats only stays where it is: taken for this one, it could turn a sign.
+
+    Raises:
+        TabFileError: an option was told under both names, and they contradict each other.
+    """
+    remarks: list[Lint] = []
+    for old, told in context.told().items():
+        renamed = DECLARED[old].option.renamed
+        if renamed is None or format_name not in renamed.formats:
+            continue
+        now = getattr(context, renamed.to)
+        if now not in (None, told):
+            raise source.error(
+                f"{old} {told.value} and {renamed.to} {now.value}", f"{renamed.to} alone, as it is meant"
+            )
+        context = replace(context, **{old: None, renamed.to: told})
+        message = f"{old} is the old name of {renamed.to}, and stays accepted: {renamed.to} = {told.value!r}"
+        remarks.append(Lint("R14", Severity.INFO, message))
+    return context, tuple(remarks)
 
 
 def _ends(reading: Reading) -> tuple[float, float]:

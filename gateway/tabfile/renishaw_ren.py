@@ -38,6 +38,7 @@ from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "renishaw-ren"
 TITLE: Final = "Renishaw error compensation table (.ren), even grid; read only"
+USES: Final = frozenset({"file_counts_per_unit", "file_start", "file_home"})
 MAX_PROBLEMS: Final = 20
 MAX_POINTS: Final = 100_000
 STEP_TOLERANCE: Final = 1e-4

@@ -2,7 +2,8 @@
 
 from typing import Final
 
-from gateway.tabfile.context import ErrorSense, FileContext
+from gateway.tabfile.context import FileContext
+from gateway.tabfile.options import ErrorSense, choices
 from gateway.tabfile.text import SourceText
 
 RULES: Final = {
@@ -16,25 +17,9 @@ _READINGS: Final = (
 )
 
 
-def told_sense(source: SourceText, context: FileContext, own_key: str | None) -> ErrorSense | None:
-    """Return the sense that was told by ``error_sense`` or by the format's own key, or None.
-
-    Raises:
-        TabFileError: both were told and contradict each other.
-    """
-    own: ErrorSense | None = None if own_key is None else getattr(context, own_key)
-    if own is not None and context.error_sense not in (None, own):
-        assert context.error_sense is not None
-        raise source.error(
-            f"{own_key} {own.value} and error_sense {context.error_sense.value}", "one of the two keys"
-        )
-    return own if own is not None else context.error_sense
-
-
 def required_sense(
     source: SourceText,
     context: FileContext,
-    own_key: str | None,
     what: str,
     why: str = "no manual says which sign its errors have",
 ) -> ErrorSense:
@@ -45,12 +30,10 @@ def required_sense(
     Raises:
         TabFileError: nobody told it: both readings are shown.
     """
-    sense = told_sense(source, context, own_key)
-    if sense is None:
-        key = own_key or "error_sense"
+    if context.error_sense is None:
         raise source.error(
             f"{what}: {why}",
-            f"{key} = 'actual_minus_command' or 'command_minus_actual'; one test move shows which is right",
+            f"{choices('error_sense')}; one test move shows which is right",
             readings=_READINGS,
         )
-    return sense
+    return context.error_sense

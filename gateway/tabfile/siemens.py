@@ -32,6 +32,7 @@ from gateway.compensation.table import CorrectionTable
 from gateway.tabfile import siemens_lines
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.options import to_tell
 from gateway.tabfile.ranges import context_in_file_units, told_units
 from gateway.tabfile.siemens_lines import Number
 from gateway.tabfile.stated import check_stated
@@ -41,6 +42,7 @@ from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve,
 NAME: Final = "siemens-eec"
 TITLE: Final = "Siemens SINUMERIK _EEC_INI: errors of the measuring system, one direction"
 SUFFIX: Final = siemens_lines.SUFFIX
+USES: Final = frozenset({"file_start", "file_axis"})
 _SIGN: Final = re.compile(r"(?i)_EEC_INI|\$AA_ENC_COMP")
 _CEC: Final = re.compile(r"(?i)\$AN_CEC|_CEC_INI")
 _HEADER: Final = re.compile(r"(?i)%_N_[A-Z0-9_]*EEC_INI")
@@ -153,7 +155,7 @@ def _choose(source: SourceText, tables: _Tables, context: FileContext) -> tuple[
     if len(names) > 1:
         raise source.error(
             f"tables of {listed(names)}",
-            f"file_axis = {next(iter(names))!r}, for example (--file-axis on the command line); with two "
+            to_tell("file_axis", f"{next(iter(names))!r}, for example") + "; with two "
             "measuring systems their number comes first, as in the file",
         )
     name = next(iter(tables))

@@ -33,6 +33,7 @@ from gateway.compensation.table import CorrectionTable
 from gateway.tabfile import siemens_lines
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.options import to_tell
 from gateway.tabfile.ranges import context_in_file_units, told_units
 from gateway.tabfile.senses import RULES, required_sense
 from gateway.tabfile.siemens_lines import Number
@@ -43,6 +44,7 @@ from gateway.tabfile.writing import WriteOptions, Written, even_step, unwritable
 NAME: Final = "siemens-cec"
 TITLE: Final = "Siemens SINUMERIK _CEC_INI of an axis by itself, both directions ($AN_CEC_DIRECTION)"
 SUFFIX: Final = siemens_lines.SUFFIX
+USES: Final = frozenset({"file_start", "file_axis", "error_sense"})
 _WHAT: Final = "a sag compensation (CEC) table"
 _SIGN: Final = re.compile(r"(?i)\$AN_CEC|_CEC_INI")
 _OTHER: Final = re.compile(r"(?i)\$AA_ENC_COMP|_EEC_INI")
@@ -106,7 +108,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     forward, backward = _directions(source, axis, chosen)
     units = told_units(source, context, _WHAT)
     context = context_in_file_units(source, context, units)
-    sense = required_sense(source, context, None, _WHAT)
+    sense = required_sense(source, context, _WHAT)
     rows = _rows(forward, backward, sense.to_correction)
     check_stated(source, rows, units, context)
     turn = siemens_lines.turn_of(source, forward.numbers, rows)
@@ -193,7 +195,7 @@ def _choose(source: SourceText, tables: list[_Table], context: FileContext) -> t
     if told is None and len(axes) > 1:
         raise source.error(
             f"tables of {listed(axes)}",
-            f"file_axis = {next(iter(axes))!r}, for example (--file-axis on the command line)",
+            to_tell("file_axis", f"{next(iter(axes))!r}, for example"),
         )
     axis = told.upper() if told is not None else next(iter(axes))
     return axis, axes[axis]

@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final, NamedTuple
 
 from gateway.compensation.units import Units
-from gateway.tabfile.context import MAX_POSITION
 from gateway.tabfile.decoded import SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
+from gateway.tabfile.options import MAX_POSITION
 from gateway.tabfile.stated import is_closed
 from gateway.tabfile.text import MAX_LINES, Line, SourceText, shown
 

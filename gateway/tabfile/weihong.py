@@ -25,6 +25,7 @@ from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.options import to_tell
 from gateway.tabfile.ranges import context_in_file_units
 from gateway.tabfile.senses import RULES, required_sense
 from gateway.tabfile.stated import check_stated
@@ -34,6 +35,7 @@ from gateway.tabfile.writing import WriteOptions, Written, unwritable
 NAME: Final = "weihong"
 TITLE: Final = "Weihong axeserr.dat (Ncstudio, NK), both directions"
 SUFFIX: Final = ".dat"
+USES: Final = frozenset({"file_start", "file_axis", "error_sense"})
 DECIMALS: Final = 6
 MAX_PROBLEMS: Final = 20
 _WHAT: Final = "a Weihong screw error file (its manual's formula and its example of a backlash disagree)"
@@ -62,7 +64,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     tables, gaps = _parse(source)
     axis = _choose(source, tables, context)
     context = context_in_file_units(source, context, Units.MM)
-    sense = required_sense(source, context, None, _WHAT)
+    sense = required_sense(source, context, _WHAT)
     rows = tuple(
         SourceRow(x, sense.to_correction * f + 0.0, sense.to_correction * b + 0.0, f, b, line, line)
         for x, f, b, line in tables[axis]
@@ -151,7 +153,7 @@ def _choose(source: SourceText, tables: dict[str, _Points], context: FileContext
     if told is None and len(tables) > 1:
         raise source.error(
             f"tables of {listed(tables)}",
-            f"file_axis = {next(iter(tables))!r}, for example (--file-axis on the command line)",
+            to_tell("file_axis", f"{next(iter(tables))!r}, for example"),
         )
     name = told or next(iter(tables))
     if len(tables[name]) < 2:

@@ -108,7 +108,7 @@ def test_a_turn_stays_a_turn_where_the_format_knows_turns(
     result = CliRunner().invoke(app, ["convert", old, new, "--units", "degree", "--to", *options])
     assert result.exit_code == 0, result.stderr
     assert "begins again" not in result.stdout
-    told = {"fagor-8055": ["--fagor-sense", "actual_minus_command"], "isg": [], "siemens-eec": []}
+    told = {"fagor-8055": ["--error-sense", "actual_minus_command"], "isg": [], "siemens-eec": []}
     facts = told.get(options[0], ["--file-counts-per-unit", "10000"])
     shown = CliRunner().invoke(app, ["show", new, "--units", "degree", *facts])
     assert "modulo = 360" in shown.stdout

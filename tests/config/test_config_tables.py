@@ -309,12 +309,22 @@ def test_what_a_table_of_another_control_cannot_prove_is_told(tmp_path: Path, ke
     assert list(other.table.forward) == [0.012, 0.002, 0.0]
 
 
+def test_check_warns_of_the_old_name_of_an_option(tmp_path: Path) -> None:
+    told = edited(("cnc10x.tab", "ML1")) + '[axis.x.table_options]\nfile_units = "mm"\n'
+    sense = ' = "actual_minus_command"\n'
+    now = loaded(tmp_path, f"{told}error_sense{sense}", {"ML1": FAGOR}).warnings
+    old = loaded(tmp_path, f"{told}fagor_sense{sense}", {"ML1": FAGOR}).warnings
+    [warning] = [each for each in old if each not in now]
+    assert warning.key == "axis.x.table"
+    assert warning.found.startswith("R14 fagor_sense is the old name of error_sense")
+
+
 def test_a_sense_that_nobody_told_is_asked_for_with_both_readings(tmp_path: Path) -> None:
     text = edited(("cnc10x.tab", "ML1")) + '[axis.x.table_options]\nfile_units = "mm"\n'
     problem = only(refused(tmp_path, text, {"ML1": FAGOR}), "axis.x.table")
     assert "reading 1: actual_minus_command" in problem.found
     assert "reading 2: command_minus_actual" in problem.found
-    assert "fagor_sense = 'actual_minus_command'" in problem.remedy
+    assert "error_sense = 'actual_minus_command'" in problem.remedy
 
 
 MINT = """DIM fwd(2) = 149.99, 299.98

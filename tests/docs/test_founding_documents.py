@@ -24,7 +24,7 @@ TESTS = {
     for path in (ROOT / "tests").glob("**/test_*.py")
     for name in re.findall(r"^(?:async )?def (test_\w+)", path.read_text(), re.MULTILINE)
 }
-FAGOR = FileContext(fagor_sense=ErrorSense.ACTUAL_MINUS_COMMAND, file_units=Units.MM)
+FAGOR = FileContext(error_sense=ErrorSense.ACTUAL_MINUS_COMMAND, file_units=Units.MM)
 
 
 @pytest.mark.parametrize("number", [number for number, *_ in ROWS])
@@ -59,14 +59,14 @@ def test_mint_m12_a_table_may_have_thousands_of_entries() -> None:
 def test_fagor_f4_numbers_beyond_the_range_of_the_control_are_refused() -> None:
     with pytest.raises(TabFileError, match=r"99999\.9999 mm"):
         parse_table(b"P001 X0 EX 0\nP002 X100000 EX 0\n", "x", FAGOR)
-    inches = FileContext(fagor_sense=ErrorSense.ACTUAL_MINUS_COMMAND, file_units=Units.INCH)
+    inches = FileContext(error_sense=ErrorSense.ACTUAL_MINUS_COMMAND, file_units=Units.INCH)
     with pytest.raises(TabFileError, match=r"3937\.00787 inch"):
         parse_table(b"P001 X0 EX 0\nP002 X3937.1 EX 0\n", "x", inches)
     assert parse_table(b"P001 X0 EX 0\nP002 X3937 EX 0\n", "x", inches).table.last == 3937.0
 
 
 def test_fagor_f9_a_rotary_table_that_does_not_close_is_not_repeated() -> None:
-    degrees = FileContext(fagor_sense=ErrorSense.ACTUAL_MINUS_COMMAND, file_units=Units.DEGREE)
+    degrees = FileContext(error_sense=ErrorSense.ACTUAL_MINUS_COMMAND, file_units=Units.DEGREE)
     closed = parse_table(b"P001 A0 EA 0.001\nP002 A360 EA 0.001\n", "x", degrees)
     open_end = parse_table(b"P001 A0 EA 0.001\nP002 A360 EA 0.002\n", "x", degrees)
     assert (closed.source.modulo, open_end.source.modulo) == (360.0, None)

@@ -17,7 +17,7 @@ from gateway.tabfile import (
     dialect_named,
     parse_table,
 )
-from gateway.tabfile.context import HomeSide
+from gateway.tabfile.options import HomeSide
 from tests.tabfile.samples import SAMPLES
 
 NAME: Final = "x.tab"

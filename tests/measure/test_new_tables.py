@@ -61,10 +61,10 @@ def configured(folder: Path, options: str) -> tuple[Loaded, AxisPlan]:
 @pytest.mark.parametrize(
     ("options", "form"),
     [
-        ('isg_sense = "command_minus_actual", file_units = "mm"', "isg"),
-        ('isg_sense = "actual_minus_command", file_units = "mm"', "isg"),
-        ('fagor_sense = "command_minus_actual", file_units = "mm", file_axis = "Q"', "fagor-8055"),
-        ('fagor_sense = "actual_minus_command", file_units = "mm"', "fagor-8055"),
+        ('error_sense = "command_minus_actual", file_units = "mm"', "isg"),
+        ('error_sense = "actual_minus_command", file_units = "mm"', "isg"),
+        ('error_sense = "command_minus_actual", file_units = "mm", file_axis = "Q"', "fagor-8055"),
+        ('error_sense = "actual_minus_command", file_units = "mm"', "fagor-8055"),
         ("", "csv"),
     ],
 )

@@ -130,7 +130,7 @@ async def test_a_table_that_the_configuration_now_reads_the_other_way_round_is_n
 ) -> None:
     """The file is the same, and each correction the opposite."""
     (machine.folder / "x.txt").write_text("P001 X0 EX 0.001\nP002 X50 EX 0.002\nP003 X100 EX 0.003\n")
-    lines = 'table = "x.txt"\ntable_options = {{ fagor_sense = "{}", file_units = "mm" }}\n'
+    lines = 'table = "x.txt"\ntable_options = {{ error_sense = "{}", file_units = "mm" }}\n'
     machine.configure(lines.format("actual_minus_command"))
     async with gateway(machine, has_supervisor=True):
         await supervisor_answers(machine.folder / "state")

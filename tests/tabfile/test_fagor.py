@@ -11,6 +11,7 @@ from gateway.compensation.units import Units
 from gateway.tabfile import (
     ErrorSense,
     HomeSide,
+    Severity,
     TabFileError,
     WriteOptions,
     dialect_named,
@@ -33,7 +34,7 @@ CROSS = (
 )
 TWO_WAY = "P001 X- 20.000 EX 0.001 EX- 0.002\nP002 X 0.000 EX 0 EX 0\nP003 X 20.000 EX- .004 EX- 0.005\n"
 ACTUAL, COMMAND = ErrorSense.ACTUAL_MINUS_COMMAND, ErrorSense.COMMAND_MINUS_ACTUAL
-FILE = Texts("ML1", {"file_units": Units.MM, "fagor_sense": ACTUAL})
+FILE = Texts("ML1", {"file_units": Units.MM, "error_sense": ACTUAL})
 parse, refused = FILE.parse, FILE.refused
 
 
@@ -53,19 +54,27 @@ def test_the_example_of_the_manual_by_hand(text: str) -> None:
 
 
 def test_sense_turns_every_value_round() -> None:
-    loaded = parse(PRINTED, fagor_sense=COMMAND)
+    loaded = parse(PRINTED, error_sense=COMMAND)
     assert explain(loaded, -20.0).forward.correction == 0.001
     assert loaded.source.forward_rule == "error = commanded - actual: added as it stands; second field"
-    assert explain(parse(PRINTED, fagor_sense=None, error_sense=COMMAND), 160.0).forward.correction == -0.003
+    assert explain(parse(PRINTED, error_sense=COMMAND), 160.0).forward.correction == -0.003
 
 
 def test_sense_is_never_guessed() -> None:
     with pytest.raises(TabFileError, match="no manual says which sign") as caught:
-        parse(PRINTED, fagor_sense=None)
+        parse(PRINTED, error_sense=None)
     assert len(caught.value.readings) == 2
-    assert caught.value.allowed.startswith("fagor_sense = 'actual_minus_command' or 'command_minus_actual'")
-    with pytest.raises(TabFileError, match="fagor_sense actual_minus_command and error_sense"):
-        parse(PRINTED, error_sense=COMMAND)
+    assert caught.value.allowed.startswith("error_sense = 'actual_minus_command' or 'command_minus_actual'")
+    with pytest.raises(TabFileError, match="fagor_sense command_minus_actual and error_sense actual"):
+        parse(PRINTED, fagor_sense=COMMAND)
+
+
+def test_the_old_name_of_the_sense_is_taken_and_remarked() -> None:
+    old = parse(PRINTED, error_sense=None, fagor_sense=COMMAND)
+    assert old.table == parse(PRINTED, error_sense=COMMAND).table
+    [remark] = old.source.remarks
+    assert (remark.code, remark.severity) == ("R14", Severity.INFO)
+    assert "error_sense = 'command_minus_actual'" in remark.message
 
 
 def test_units_are_never_guessed() -> None:

@@ -26,7 +26,7 @@ ONE_WAY = TEXT.replace("BIDIR            ;1", "BIDIR            ;0")
 
 
 def parse(text: str, encoding: str = "utf-16-le", **facts: Any) -> LoadedTable:
-    return parse_table(text.encode(encoding), "X.mp", FileContext(**({"fagor_sense": AMC} | facts)))
+    return parse_table(text.encode(encoding), "X.mp", FileContext(**({"error_sense": AMC} | facts)))
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-le"])
@@ -42,7 +42,7 @@ def test_corrections_by_hand() -> None:
     assert at.forward.correction == pytest.approx(0.0150, abs=1e-12)
     # 0.0100 and -0.0228: half way -0.0064
     assert at.backward.correction == pytest.approx(0.0064, abs=1e-12)
-    turned = parse(TEXT, fagor_sense=ErrorSense.COMMAND_MINUS_ACTUAL)
+    turned = parse(TEXT, error_sense=ErrorSense.COMMAND_MINUS_ACTUAL)
     assert explain(turned, 190.5).forward.correction == pytest.approx(-0.0150, abs=1e-12)
 
 
@@ -92,7 +92,7 @@ def test_what_is_not_whole_is_refused_by_line(old: str, new: str, line: int | No
 
 def test_sense_and_axis_are_asked_for() -> None:
     with pytest.raises(TabFileError, match="no manual says which sign"):
-        parse(TEXT, fagor_sense=None)
+        parse(TEXT, error_sense=None)
     with pytest.raises(TabFileError, match="parameters of axis X, read for axis Y"):
         parse(TEXT, axis="y")
     assert parse(TEXT, axis="y", file_axis="X").table.last == 254.0
@@ -119,4 +119,4 @@ def test_convert_writes_utf_16(tmp_path: Path) -> None:
     told = ("--to", "fagor-8065", "--to-axis", "X", "--to-sense", "actual_minus_command")
     assert run("convert", source, out, *told).exit_code == 0
     assert out.read_bytes().startswith("X AXIS ".encode("utf-16-le"))
-    assert run("show", out, "--fagor-sense", "actual_minus_command").exit_code == 0
+    assert run("show", out, "--error-sense", "actual_minus_command").exit_code == 0

@@ -67,7 +67,7 @@ def test_the_published_example_says_how_it_was_read() -> None:
     assert source.comment_axis == "Y"
     assert source.forward_rule == "error = actual - commanded: subtracted; pos"
     assert source.behaves_as == ('outside = "hold"',)
-    assert "isg_sense turns it round" in source.decisions[0]
+    assert "error_sense turns it round" in source.decisions[0]
     assert source.decisions[3] == "no part of the table, by section and number of lines: kopf (2)"
 
 
@@ -115,6 +115,12 @@ def test_sense_can_be_turned_round(key: str) -> None:
     assert loaded.source.decisions[0] == "sense command_minus_actual: told"
     same = parse(ONE_WAY, **{key: ErrorSense.ACTUAL_MINUS_COMMAND})
     assert list(same.table.forward) == list(parse(ONE_WAY).table.forward)
+
+
+def test_the_old_name_of_another_format_turns_no_sign() -> None:
+    told = parse(ONE_WAY, fagor_sense=ErrorSense.COMMAND_MINUS_ACTUAL)
+    assert list(told.table.forward) == list(parse(ONE_WAY).table.forward)
+    assert [lint.code for lint in told.source.remarks if lint.code in {"R3", "R14"}] == ["R3"]
 
 
 def test_both_keys_of_the_sense_must_agree() -> None:

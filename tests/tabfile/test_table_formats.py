@@ -43,6 +43,11 @@ def test_every_format_is_listed_with_what_must_be_told() -> None:
         assert f"{dialect.name}: {dialect.title}\n" in text
 
 
+def test_what_a_reader_asks_for_is_declared() -> None:
+    asked = {name for dialect in DIALECTS for name in dialect.uses}
+    assert asked == set(OPTIONS)
+
+
 def options_of(command: str) -> set[str]:
     found: Any = typer.main.get_command(app)
     return {option for parameter in found.commands[command].params for option in parameter.opts}
@@ -158,12 +163,12 @@ def test_a_free_grid_goes_to_a_control_of_even_grids_only_with_a_step(tmp_path: 
 
 
 def test_what_a_manual_leaves_open_is_told_for_reading_and_for_writing(tmp_path: Path) -> None:
-    told = ("--units", "mm", "--fagor-sense", "actual_minus_command")
+    told = ("--units", "mm", "--error-sense", "actual_minus_command")
     # X90 has an error of 0.001, X130 of -0.002: half way -0.0005
     assert good("explain", FAGOR, "--at", 110, *told)["forward"]["correction"] == pytest.approx(0.0005)
     turned = good("explain", FAGOR, "--at", 110, "--units", "mm", "--error-sense", "command_minus_actual")
     assert turned["forward"]["correction"] == pytest.approx(-0.0005)
-    assert "fagor_sense" in run("explain", FAGOR, "--at", 110, "--units", "mm").stderr
+    assert "error_sense" in run("explain", FAGOR, "--at", 110, "--units", "mm").stderr
     out = tmp_path / "z_pitch.com"
     assert "--to-sense" in run("convert", FAGOR, out, *told, "--to", "heidenhain-com").stderr
     data = good(
@@ -173,6 +178,14 @@ def test_what_a_manual_leaves_open_is_told_for_reading_and_for_writing(tmp_path:
     assert data["read_with"]["error_sense"] == "command_minus_actual"
     again = good("explain", out, "--at", 110, "--error-sense", "command_minus_actual")
     assert again["forward"]["correction"] == pytest.approx(0.0005)
+
+
+def test_an_old_name_of_an_option_is_taken_and_no_longer_shown() -> None:
+    sense = ("--units", "mm", "--fagor-sense", "actual_minus_command")
+    linted = run("lint", FAGOR, *sense)
+    assert linted.exit_code == 0
+    assert "info R14 fagor_sense is the old name of error_sense" in linted.stdout
+    assert "--fagor-sense" not in run("lint", "--help").stdout
 
 
 def test_the_column_of_an_axis_is_chosen_by_its_name(tmp_path: Path) -> None:

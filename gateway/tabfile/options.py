@@ -1,0 +1,303 @@
+"""What a table file cannot prove about itself, told from outside. Every option is declared here, once.
+
+The keys of ``table_options`` in the configuration, the options of ``pitch-gateway table`` with their help,
+what a reader is given, what is checked of it, its units, and the hints in errors all come from
+:class:`TableOptions`. Another option is a field there, and its name in ``USES`` of each reader that asks for
+it.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from enum import Enum
+from types import MappingProxyType
+from typing import Annotated, Any, Final, get_args, get_origin
+
+from gateway.compensation.units import Units
+
+MIN_SCALE: Final = 1e-6
+MAX_SCALE: Final = 1e12
+MAX_POSITION: Final = 1e9
+"""Bounds of what can be a machine: beyond them a number is a slip, and sums would lose their digits."""
+
+
+class V1Layout(Enum):
+    """Whether the first value of a version 1 file belongs to home or to the first point away from it."""
+
+    LISTED = "listed"
+    IMPLICIT = "implicit"
+
+
+class HomeSide(Enum):
+    """The end of travel at which the axis homes; the rest of its travel lies on the other side of 0."""
+
+    PLUS = "plus"
+    MINUS = "minus"
+
+
+class ErrorSense(Enum):
+    """What a file means by an error: where the nut was less where it should be, or the reverse."""
+
+    ACTUAL_MINUS_COMMAND = "actual_minus_command"
+    COMMAND_MINUS_ACTUAL = "command_minus_actual"
+
+    @property
+    def to_correction(self) -> float:
+        """Factor that turns an error of this sense into the amount to add.
+
+        >>> ErrorSense.ACTUAL_MINUS_COMMAND.to_correction
+        -1.0
+        """
+        return -1.0 if self is ErrorSense.ACTUAL_MINUS_COMMAND else 1.0
+
+
+# --- How an option is declared
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Numbers that an option takes."""
+
+    rule: str
+    """What they must be, in an error."""
+    is_allowed: Callable[[float], bool]
+    is_length: bool = False
+    is_per_length: bool = False
+
+    def check(self, number: float) -> float:
+        """Return a number that is allowed.
+
+        Raises:
+            ValueError: it is not; the text says what it must be.
+        """
+        if not self.is_allowed(number):
+            raise ValueError(f"it must be {self.rule} and of a sensible size")
+        return number
+
+    def converted(self, number: float, factor: float) -> float:
+        """Return a number in other units; ``factor`` turns a length into one in them.
+
+        >>> COUNTS_PER_UNIT.converted(25400.0, 25.4)
+        1000.0
+        """
+        if self.is_length:
+            return number * factor
+        return number / factor if self.is_per_length else number
+
+
+@dataclass(frozen=True, slots=True)
+class Renamed:
+    """Of an option under an old name: its name now, and the formats for which the old one holds."""
+
+    to: str
+    formats: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """What is said about an option in the places where it can be told."""
+
+    meaning: str
+    """In the reference of keys."""
+    help: str
+    """On the command line."""
+    metavar: str | None = None
+    """What stands for its value there."""
+    typed_as: str = ""
+    """The option of the command line that tells it together with something else, without the dashes."""
+    is_for_all: bool = False
+    """It has a meaning for every format."""
+    renamed: Renamed | None = None
+    """It is an old name, which stays accepted."""
+
+
+def _is_scale(number: float) -> bool:
+    return MIN_SCALE <= abs(number) <= MAX_SCALE
+
+
+def _is_position(number: float) -> bool:
+    return abs(number) < MAX_POSITION
+
+
+def _is_distance(number: float) -> bool:
+    return 0 < number < MAX_POSITION
+
+
+COUNTS_PER_UNIT: Final = Quantity("not 0", _is_scale, is_per_length=True)
+LENGTH: Final = Quantity("a position", _is_position, is_length=True)
+DISTANCE: Final = Quantity("a distance above 0", _is_distance, is_length=True)
+CountsPerUnit = Annotated[float, COUNTS_PER_UNIT]
+Length = Annotated[float, LENGTH]
+Distance = Annotated[float, DISTANCE]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableOptions:
+    """What can be told about a file that it does not say itself. None: not told."""
+
+    file_counts_per_unit: Annotated[
+        CountsPerUnit | None,
+        Option(
+            "version 1: encoder counts per unit of the control that the file was made for, negative for its "
+            "Dir Rev",
+            "Encoder counts of the OLD control per machine unit, negative where its Dir Rev was Y (files "
+            "that hold counts).",
+            "N",
+        ),
+    ] = None
+    v1_layout: Annotated[
+        V1Layout | None,
+        Option(
+            "version 1: whether the first value belongs to home or to one interval from it",
+            "Is home the first value of a Centroid version 1 file (listed) or not in it (implicit)?",
+        ),
+    ] = None
+    file_start: Annotated[
+        Length | None,
+        Option(
+            "version 2: machine position of the first point. Mint: machine position of mark A, needed where "
+            "`PRECISIONOFFSET` is missing or not 0",
+            "Position of the lowest point (Mint: of mark A), where the file does not prove it.",
+            "S",
+        ),
+    ] = None
+    increment: Annotated[
+        Distance | None,
+        Option(
+            "Mint: distance of the points, where the program does not set `PRECISIONINCREMENT`",
+            "Distance of the points of a Mint table, where the program does not set PRECISIONINCREMENT.",
+            "STEP",
+        ),
+    ] = None
+    file_home: Annotated[
+        HomeSide | None,
+        Option(
+            "the end at which the axis of the file homes",
+            "The end at which the axis homes; checked against the file.",
+        ),
+    ] = None
+    format: Annotated[
+        str | None,
+        Option(
+            "name of the format where the text fits several, such as LinuxCNC's two types",
+            "Format of the file, where its text fits several: see 'table formats'.",
+            "NAME",
+            is_for_all=True,
+        ),
+    ] = None
+    file_units: Annotated[
+        Units | None,
+        Option(
+            "units of a file that states none; every length in this table stays in units of the axis",
+            "Machine units of a file that states none; a file that states others is refused. Default for "
+            "Centroid version 1: inch.",
+            typed_as="units",
+            is_for_all=True,
+        ),
+    ] = None
+    file_axis: Annotated[
+        str | None,
+        Option(
+            "what a file that holds several axes calls this one",
+            "What a file that holds several axes calls this one.",
+            "NAME",
+        ),
+    ] = None
+    error_sense: Annotated[
+        ErrorSense | None,
+        Option(
+            "what the file means by an error: where the nut was less where it should be, or the reverse. For "
+            "every format whose errors have no fixed sign; ISG and TwinCAT CNC: where it is not told, actual "
+            "less command",
+            "What the file calls an error, for every format that leaves it open (see 'table formats').",
+        ),
+    ] = None
+    fagor_sense: Annotated[
+        ErrorSense | None,
+        Option(
+            "old name of `error_sense`, for Fagor tables only; stays accepted",
+            "Old name of --error-sense, for Fagor tables only.",
+            renamed=Renamed("error_sense", frozenset({"fagor-8055", "fagor-8065"})),
+        ),
+    ] = None
+    isg_sense: Annotated[
+        ErrorSense | None,
+        Option(
+            "old name of `error_sense`, for ISG and TwinCAT CNC tables only; stays accepted",
+            "Old name of --error-sense, for ISG and TwinCAT CNC tables only.",
+            renamed=Renamed("error_sense", frozenset({"isg"})),
+        ),
+    ] = None
+
+    def told(self) -> dict[str, Any]:
+        """Return what was told, by name.
+
+        >>> TableOptions(file_axis="X", file_start=0.0).told()
+        {'file_start': 0.0, 'file_axis': 'X'}
+        """
+        facts = {name: getattr(self, name) for name in DECLARED}
+        return {name: fact for name, fact in facts.items() if fact is not None}
+
+
+# --- What follows from the declarations
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """An option as it was declared."""
+
+    name: str
+    type: Any
+    """Of its values: float, str or an enumeration."""
+    quantity: Quantity | None
+    option: Option
+
+    @property
+    def typed(self) -> str:
+        """What it is called on the command line.
+
+        >>> DECLARED["file_axis"].typed, DECLARED["file_units"].typed
+        ('--file-axis', '--units')
+        """
+        return f"--{(self.option.typed_as or self.name).replace('_', '-')}"
+
+
+def _declared() -> Iterator[Declared]:
+    for field in fields(TableOptions):
+        told, option = get_args(field.type)
+        [values] = [part for part in get_args(told) if part is not type(None)]
+        kind, quantity = get_args(values) if get_origin(values) is Annotated else (values, None)
+        yield Declared(field.name, kind, quantity, option)
+
+
+DECLARED: Final[Mapping[str, Declared]] = MappingProxyType({each.name: each for each in _declared()})
+OPTIONS: Final = tuple(
+    name for name, each in DECLARED.items() if not each.option.is_for_all and each.option.renamed is None
+)
+"""What has a meaning for some formats only, without old names."""
+
+
+def choices(name: str) -> str:
+    """Say what may be told by an option that is one of several words.
+
+    >>> choices("v1_layout")
+    "v1_layout = 'listed' or 'implicit'"
+    """
+    *words, last = (repr(member.value) for member in DECLARED[name].type)
+    return f"{name} = {', '.join(words)} or {last}"
+
+
+def to_tell(name: str, value: str = "") -> str:
+    """Say what is to be told: in the configuration, and as it is typed.
+
+    >>> to_tell("file_axis", "'X'")
+    "file_axis = 'X' (--file-axis on the command line)"
+    >>> to_tell("file_units")
+    "file_units = 'mm', 'inch' or 'degree' (--units on the command line)"
+    """
+    said = f"{name} = {value}" if value else choices(name)
+    return f"{said} ({typed(name)})"
+
+
+def typed(name: str) -> str:
+    """Say what an option is called on the command line, for the end of a hint."""
+    return f"{DECLARED[name].typed} on the command line"
