@@ -38,6 +38,23 @@ COMMANDS: Final = (
 )
 GROUPS: Final = ("table", "drives")
 """Commands with commands of their own."""
+EVENTS: Final = frozenset(
+    {
+        "http-ready",
+        "mqtt-connected",
+        "table-activated",
+        "table-handed-over",
+        "table-rejected",
+        "table-mended",
+        "mqtt-command",
+        "gain-changed",
+        "disabled",
+        "enabled",
+        "referenced",
+        "nothing-to-reload",
+    }
+)
+"""What happens here by our doing; a busy machine has more to tell."""
 DOCUMENTS: Final = ("/healthz", "/status", "/tables/x", "/frames/xy", "/history/x")
 Shapes = dict[str, set[str]]
 
@@ -94,6 +111,8 @@ def _documents() -> Iterator[tuple[str, str]]:
             for topic, text in desk.topics().items():
                 if "/command/" in topic:  # these are what was asked
                     continue
+                if topic.endswith("/event"):
+                    text = [each for each in text if each["event"] in EVENTS]
                 yield from shape_of(f"MQTT {_of_any(topic)}", text)
 
 
