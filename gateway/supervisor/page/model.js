@@ -23,7 +23,7 @@
  *             gain: { forward: number, backward: number }, travel: [number, number] | null,
  *             nominal_setpoint: number | null, corrected_setpoint: number | null,
  *             nominal_actual: number | null, corrected_actual: number | null, table: TableState,
- * *             writer?: string | null, terms?: Terms | null, verdict: AxisVerdict, position: Position,
+ *             writer?: string | null, terms?: Terms | null, verdict: AxisVerdict, position: Position,
  *             latency: { gateway_us: Times, budget_us: number, budget_overruns: number,
  *                        is_over_budget: boolean } }} Axis
  *
