@@ -1,11 +1,11 @@
 // @ts-check
 // One axis: what it does, where it is, its correction and its table.
 
+import { extent } from "./chart.js";
 import { Curve } from "./curve.js";
-import { make, setAttribute, setSign, setText, show, sign } from "./dom.js";
-import { NOT_KNOWN, fixed, scaleOf, span, timeOfDay } from "./figures.js";
+import { make, newId, setAttribute, setSign, setText, show, sign } from "./dom.js";
+import { correctionText, fixed, positionText, scaleOf, span, timeOfDay } from "./figures.js";
 import { History } from "./history.js";
-import { Pointer } from "./pointer.js";
 import { Terms } from "./terms.js";
 import { compensation, direction, table as tableState, verdict } from "./words.js";
 import { t } from "./language.js";
@@ -17,29 +17,17 @@ import { t } from "./language.js";
 
 const LONG = 8; // digits that fit a narrow card in the largest size
 
-let number = 0;
-
 export class AxisCard {
   /** @param {string} name */
   constructor(name) {
-    number += 1;
     this.name = name;
     /** @type {Axis | null} */
     this.axis = null;
     /** @type {Table | null} */
     this.table = null;
     this.shownCurve = "";
-    this.curve = new Curve();
+    this.curve = new Curve(name);
     this.history = new History(name);
-    this.curvePointer = new Pointer(
-      this.curve.element,
-      {
-        stops: () => this.curve.stops(),
-        nearest: (share) => this.curve.nearest(share),
-        mark: (index) => this.curve.markAt(index),
-      },
-      t("Correction of axis {axis} at a position", { axis: name }),
-    );
     this.stateSign = sign("info");
     this.stateWords = make("span");
     this.stateSince = make("span", { class: "since" });
@@ -66,28 +54,16 @@ export class AxisCard {
     this.tableName = make("span", { class: "file" });
     this.tableWords = make("span", { class: "file-state" });
     this.problems = make("ul", { class: "problems" });
-    this.drawing = make(
-      "div",
-      { class: "drawing-frame" },
-      this.curve.element,
-      this.curvePointer.slider,
-      this.curvePointer.words,
-    );
     this.noCurve = make("p", { class: "no-curve quiet" });
     this.valuesBody = make("tbody");
     this.valuesHead = make("tr");
     this.values = make("details", { class: "values" }, make("summary", { text: t("Values of the table") }));
     this.element = this.laidOut();
     this.values.addEventListener("toggle", () => this.fillValues());
-    this.resizes = new ResizeObserver(([entry]) => {
-      this.curve.resize(entry.contentRect.width, entry.contentRect.height);
-      this.curvePointer.redraw();
-    });
-    this.resizes.observe(this.drawing);
   }
 
   laidOut() {
-    const title = `axis-${number}-title`;
+    const title = newId("axis");
     const frame = make(
       "div",
       { class: "values-frame", tabindex: "0", role: "region", "aria-label": t("Values of the table of axis {axis}", { axis: this.name }) },
@@ -122,7 +98,7 @@ export class AxisCard {
           ),
           this.history.figure,
         ),
-        make("figure", { class: "curve" }, this.drawing, this.noCurve, this.legend()),
+        make("figure", { class: "curve" }, this.curve.frame, this.noCurve, this.legend()),
       ),
       make(
         "footer",
@@ -146,7 +122,6 @@ export class AxisCard {
   }
 
   leave() {
-    this.resizes.disconnect();
     this.element.remove();
   }
 
@@ -172,18 +147,15 @@ export class AxisCard {
     setText(this.position, digits);
     setAttribute(this.big, "class", digits.length > LONG ? "position long" : "position");
     setText(this.units, scale.units);
-    setText(this.corrected, withUnits(fixed(position.corrected, scale.decimals), scale.units));
+    setText(this.corrected, positionText(position.corrected, scale));
     const correction = correctionOf(axis);
-    setText(
-      this.correction,
-      withUnits(fixed(correction === null ? null : correction * scale.perUnit, scale.smallDecimals, true), scale.small),
-    );
+    setText(this.correction, correctionText(correction, scale));
     if (axis.terms) {
       this.terms ??= new Terms(this.correctionRow);
     }
     this.terms?.show(axis.terms, axis.units);
     show(this.targetRow, position.of !== "target");
-    setText(this.target, withUnits(fixed(axis.nominal_setpoint, scale.decimals), scale.units));
+    setText(this.target, positionText(axis.nominal_setpoint, scale));
     const way = direction(axis.direction);
     setSign(this.directionSign, way.sign);
     setText(this.directionWords, way.words);
@@ -263,7 +235,6 @@ export class AxisCard {
     }
     this.shownCurve = key;
     if (this.table === null || !has) {
-      this.curvePointer.set(null);
       this.curve.show(null);
       show(this.values, false);
       return;
@@ -273,7 +244,6 @@ export class AxisCard {
     const scale = scaleOf(axis.units);
     const travel = table.travel === undefined ? axis.travel : table.travel;
     this.curve.show({ table, travel, scale });
-    this.curvePointer.redraw();
     this.fillValues();
     setText(this.curve.title, t("Correction of axis {axis} over its travel", { axis: this.name }));
     const last = table.positions[table.positions.length - 1];
@@ -354,14 +324,6 @@ function correctionOf({ position, compensation: state, correction }) {
   return isRead && state !== "shadow" && nominal !== null && corrected !== null ? corrected - nominal : correction;
 }
 
-/**
- * @param {string} text
- * @param {string} units
- */
-function withUnits(text, units) {
-  return text === NOT_KNOWN ? text : `${text}\u202f${units}`;
-}
-
 /** @param {import("./model.js").Problem} problem */
 function sentence(problem) {
   const place = [problem.file, problem.line, problem.column].filter((part) => part !== null && part !== "").join(":");
@@ -373,12 +335,6 @@ function sentence(problem) {
  * @param {import("./figures.js").Scale} scale
  */
 function range(values, scale) {
-  const scaled = values.map((value) => value * scale.perUnit);
-  const low = scaled.reduce((one, other) => Math.min(one, other), Infinity);
-  const high = scaled.reduce((one, other) => Math.max(one, other), -Infinity);
-  return t("from {low} to {high} {units}", {
-    low: fixed(low, scale.smallDecimals, true),
-    high: fixed(high, scale.smallDecimals, true),
-    units: scale.small,
-  });
+  const [low, high] = (extent(values) ?? []).map((value) => fixed(value * scale.perUnit, scale.smallDecimals, true));
+  return t("from {low} to {high} {units}", { low, high, units: scale.small });
 }

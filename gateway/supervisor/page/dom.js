@@ -2,6 +2,16 @@
 // Making elements, and changing only what is different. Text from the gateway is only ever set as text.
 
 const SVG = "http://www.w3.org/2000/svg";
+let ids = 0;
+
+/**
+ * A name for an element that nothing else on the page has.
+ * @param {string} kind
+ */
+export function newId(kind) {
+  ids += 1;
+  return `${kind}-${ids}`;
+}
 
 /**
  * Make an HTML element.

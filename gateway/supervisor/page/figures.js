@@ -39,6 +39,32 @@ export function fixed(value, decimals, hasSign = false) {
 }
 
 /**
+ * A position with its unit.
+ * @param {number | null} value
+ * @param {Scale} scale
+ */
+export function positionText(value, { decimals, units }) {
+  return withUnits(fixed(value, decimals), units);
+}
+
+/**
+ * A correction with its sign and its small unit.
+ * @param {number | null} value in the unit of the axis
+ * @param {Scale} scale
+ */
+export function correctionText(value, { perUnit, smallDecimals, small }) {
+  return withUnits(fixed(value && value * perUnit, smallDecimals, true), small);
+}
+
+/**
+ * @param {string} text
+ * @param {string} units
+ */
+function withUnits(text, units) {
+  return text === NOT_KNOWN ? text : `${text}\u202f${units}`;
+}
+
+/**
  * A count, in groups of three.
  * @param {number} value
  */

@@ -43,9 +43,6 @@ export class Latency {
         this.show(this.model);
       }
     });
-    new ResizeObserver(([entry]) => {
-      this.histogram.resize(entry.contentRect.width, entry.contentRect.height);
-    }).observe(this.drawing);
   }
 
   /** @param {Model} model */

@@ -2,7 +2,7 @@
 // What temperature and other axes add to the table of an axis: a line for each, and how well it is known.
 
 import { make, setAttribute, setSign, setText, show, sign } from "./dom.js";
-import { NOT_KNOWN, fixed, scaleOf, span } from "./figures.js";
+import { NOT_KNOWN, correctionText, fixed, scaleOf, span } from "./figures.js";
 import { otherAxes, sensor } from "./words.js";
 import { t } from "./language.js";
 
@@ -88,11 +88,7 @@ function isAdded(correction) {
  * @param {Scale} scale
  */
 function adds(correction, scale) {
-  return correction === null
-    ? ""
-    : t("adds {correction}", {
-        correction: `${fixed(correction * scale.perUnit, scale.smallDecimals, true)}\u202f${scale.small}`,
-      });
+  return correction === null ? "" : t("adds {correction}", { correction: correctionText(correction, scale) });
 }
 
 /** @param {...string} parts */
