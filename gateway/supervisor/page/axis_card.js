@@ -3,7 +3,7 @@
 
 import { extent } from "./chart.js";
 import { Curve } from "./curve.js";
-import { make, newId, setAttribute, setSign, setText, show, sign } from "./dom.js";
+import { Figure, SignedWords, heading, make, newId, setAttribute, setSign, setText, show, sign } from "./dom.js";
 import { correctionText, fixed, positionText, scaleOf, span, timeOfDay } from "./figures.js";
 import { History } from "./history.js";
 import { Terms } from "./terms.js";
@@ -11,11 +11,43 @@ import { compensation, direction, table as tableState, verdict } from "./words.j
 import { t } from "./language.js";
 
 /**
- * @typedef {import("./model.js").Axis} Axis
+ * @typedef {import("./figures.js").Scale} Scale
  * @typedef {import("./model.js").Table} Table
+ * @typedef {import("./model.js").Times} Times
+ * @typedef {import("./terms.js").TermsOf} TermsOf
+ *
+ * @typedef {{ file: string | null, line: number | null, column: number | null, key: string, found: string,
+ *             remedy: string }} Problem
+ *
+ * @typedef {{ file: string | null, format: string | null, compiled: string | null, points: number,
+ *             status: string, error: string | null, loaded_at: string | null, problems?: Problem[] }} TableState
+ *
+ * @typedef {{ state: string, kind: string, title: string, since: string }} AxisVerdict the same of an axis; `title` is
+ *             empty where the state of the compensation says it
+ *
+ * @typedef {{ of: string | null, nominal: number | null, corrected: number | null, age_s: number | null,
+ *             is_at_least: boolean }} Position what is known best of where an axis is: a reading, the last reading or
+ *             the target; null: nothing
+ *
+ * @typedef {{ compensation: string, units: string, direction: string, correction: number | null,
+ *             gain: { forward: number, backward: number }, travel: [number, number] | null,
+ *             nominal_setpoint: number | null, corrected_setpoint: number | null,
+ *             nominal_actual: number | null, corrected_actual: number | null, table: TableState,
+ *             writer?: string | null, terms?: TermsOf | null, verdict: AxisVerdict, position: Position,
+ *             latency: { gateway_us: Times, budget_us: number, budget_overruns: number,
+ *                        is_over_budget: boolean } }} Axis
  */
 
 const LONG = 8; // digits that fit a narrow card in the largest size
+
+/** @type {[string, (axis: Axis, scale: Scale) => string | null][]} the figures below the position; null: not shown */
+const FIGURES = [
+  [t("Correction"), (axis, scale) => correctionText(correctionOf(axis), scale)],
+  [t("On the drive"), ({ position }, scale) => positionText(position.corrected, scale)],
+  [t("Target"), (axis, scale) => (axis.position.of === "target" ? null : positionText(axis.nominal_setpoint, scale))],
+  [t("Moved by"), ({ writer }) => writer || null],
+  [t("Gain"), ({ gain }) => gainText(gain)],
+];
 
 export class AxisCard {
   /** @param {string} name */
@@ -28,28 +60,16 @@ export class AxisCard {
     this.shownCurve = "";
     this.curve = new Curve(name);
     this.history = new History(name);
-    this.stateSign = sign("info");
-    this.stateWords = make("span");
-    this.stateSince = make("span", { class: "since" });
-    this.state = make("p", { class: "state" }, this.stateSign, this.stateWords, this.stateSince);
+    this.since = make("span", { class: "since" });
+    this.state = new SignedWords("p", "state", this.since);
     this.positionName = make("span", { class: "reading-name", text: t("Position") });
     this.position = make("span", { class: "digits" });
     this.units = make("span", { class: "units" });
     this.big = make("p", { class: "position" }, this.position, this.units);
-    this.directionSign = sign("unknown");
-    this.directionWords = make("span");
-    this.direction = make("p", { class: "direction" }, this.directionSign, this.directionWords);
-    this.correction = make("dd");
-    this.correctionRow = make("div", {}, make("dt", { text: t("Correction") }), this.correction);
+    this.direction = new SignedWords("p", "direction");
+    this.figures = FIGURES.map(([words]) => new Figure(words));
     /** @type {Terms | null} */
     this.terms = null;
-    this.corrected = make("dd");
-    this.target = make("dd");
-    this.targetRow = make("div", {}, make("dt", { text: t("Target") }), this.target);
-    this.gain = make("dd");
-    this.gainRow = make("div", {}, make("dt", { text: t("Gain") }), this.gain);
-    this.writer = make("dd");
-    this.writerRow = make("div", {}, make("dt", { text: t("Moved by") }), this.writer);
     this.tableSign = sign("info");
     this.tableName = make("span", { class: "file" });
     this.tableWords = make("span", { class: "file-state" });
@@ -76,8 +96,8 @@ export class AxisCard {
       make(
         "header",
         { class: "card-head" },
-        make("h3", { id: title }, make("span", { class: "unseen", text: `${t("Axis")} ` }), make("span", { text: this.name })),
-        this.state,
+        heading(t("Axis"), this.name, { id: title }),
+        this.state.element,
       ),
       make(
         "div",
@@ -85,17 +105,9 @@ export class AxisCard {
         make(
           "div",
           { class: "readings" },
-          make("div", { class: "reading-head" }, this.positionName, this.direction),
+          make("div", { class: "reading-head" }, this.positionName, this.direction.element),
           this.big,
-          make(
-            "dl",
-            { class: "facts" },
-            this.correctionRow,
-            make("div", {}, make("dt", { text: t("On the drive") }), this.corrected),
-            this.targetRow,
-            this.writerRow,
-            this.gainRow,
-          ),
+          make("dl", { class: "facts" }, ...this.figures.map((figure) => figure.element)),
           this.history.figure,
         ),
         make("figure", { class: "curve" }, this.curve.frame, this.noCurve, this.legend()),
@@ -137,35 +149,23 @@ export class AxisCard {
     const isRead = position.of === "reading";
     setAttribute(this.element, "data-tone", state.tone);
     setAttribute(this.element, "data-known", isRead ? "yes" : "no");
-    setAttribute(this.state, "class", `state ${state.tone}`);
-    setSign(this.stateSign, state.sign);
-    setText(this.stateWords, state.words);
-    setText(this.stateSince, t("since {time}", { time: timeOfDay(axis.verdict.since) }));
+    this.state.show(state);
+    setText(this.since, t("since {time}", { time: timeOfDay(axis.verdict.since) }));
 
     setText(this.positionName, nameOf(position));
     const digits = fixed(position.nominal, scale.decimals);
     setText(this.position, digits);
     setAttribute(this.big, "class", digits.length > LONG ? "position long" : "position");
     setText(this.units, scale.units);
-    setText(this.corrected, positionText(position.corrected, scale));
-    const correction = correctionOf(axis);
-    setText(this.correction, correctionText(correction, scale));
+    this.direction.show(direction(axis.direction));
+    FIGURES.forEach(([, textOf], index) => this.figures[index].show(textOf(axis, scale)));
     if (axis.terms) {
-      this.terms ??= new Terms(this.correctionRow);
+      this.terms ??= new Terms(this.figures[0].element);
     }
     this.terms?.show(axis.terms, axis.units);
-    show(this.targetRow, position.of !== "target");
-    setText(this.target, positionText(axis.nominal_setpoint, scale));
-    const way = direction(axis.direction);
-    setSign(this.directionSign, way.sign);
-    setText(this.directionWords, way.words);
-    const { forward, backward } = axis.gain;
-    show(this.gainRow, forward !== 1 || backward !== 1);
-    setText(this.gain, forward === backward ? `× ${forward}` : t("× {forward} forward, × {backward} backward", { forward, backward }));
-    show(this.writerRow, Boolean(axis.writer));
-    setText(this.writer, axis.writer ?? "");
     this.showTable(axis);
     this.showCurve(axis);
+    const correction = correctionOf(axis);
     this.curve.move(this.placeOf(position.nominal, correction));
     this.history.add(isRead ? position.nominal : null, isRead ? correction : null, now, scale);
   }
@@ -189,8 +189,7 @@ export class AxisCard {
   showTable(axis) {
     const its = axis.table;
     const state = tableState(its.status);
-    setAttribute(this.tableSign, "class", `sign ${state.tone}`);
-    setSign(this.tableSign, state.sign);
+    setSign(this.tableSign, state.sign, state.tone);
     setText(this.tableName, its.file ?? "");
     const without = its.status === "none" ? t("No table is configured") : t("No table: backlash alone");
     const parts = [its.file === null ? without : state.words];
@@ -300,7 +299,7 @@ function stateOf({ verdict: found, compensation: state }) {
 
 /**
  * What the large number is.
- * @param {import("./model.js").Position} position
+ * @param {Position} position
  */
 function nameOf({ of, age_s: age, is_at_least: isAtLeast }) {
   if (of === "reading") {
@@ -324,7 +323,15 @@ function correctionOf({ position, compensation: state, correction }) {
   return isRead && state !== "shadow" && nominal !== null && corrected !== null ? corrected - nominal : correction;
 }
 
-/** @param {import("./model.js").Problem} problem */
+/** @param {Axis["gain"]} gain */
+function gainText({ forward, backward }) {
+  if (forward !== backward) {
+    return t("× {forward} forward, × {backward} backward", { forward, backward });
+  }
+  return forward === 1 ? null : `× ${forward}`;
+}
+
+/** @param {Problem} problem */
 function sentence(problem) {
   const place = [problem.file, problem.line, problem.column].filter((part) => part !== null && part !== "").join(":");
   return [place, problem.key, [problem.found, problem.remedy].filter(Boolean).join("; ")].filter(Boolean).join(": ");
@@ -332,7 +339,7 @@ function sentence(problem) {
 
 /**
  * @param {number[]} values
- * @param {import("./figures.js").Scale} scale
+ * @param {Scale} scale
  */
 function range(values, scale) {
   const [low, high] = (extent(values) ?? []).map((value) => fixed(value * scale.perUnit, scale.smallDecimals, true));

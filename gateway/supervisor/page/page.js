@@ -3,7 +3,7 @@
 
 import { AxisCard } from "./axis_card.js";
 import { Banner } from "./banner.js";
-import { byId, keepChildren, make, setAttribute, setText, show, sign } from "./dom.js";
+import { byId, keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
 import { EventList } from "./event_list.js";
 import { span } from "./figures.js";
 import { Frames } from "./frames.js";
@@ -132,7 +132,7 @@ class Page {
     if (!isLost && this.model !== null) {
       setAttribute(document.body, "data-link", relay === null ? "live" : "relay");
     }
-    setAttribute(this.linkSign.children[0], "href", isLost || relay ? "#i-error" : this.model ? "#i-ok" : "#i-wait");
+    setSign(this.linkSign, isLost || relay ? "error" : this.model ? "ok" : "wait");
     const ofRelay = relay === "up" ? t("Relay silent: it may not obey") : t("Relay down: nothing passes");
     setText(this.linkWords, isLost ? t("No connection") : relay ? ofRelay : this.model ? t("Live") : t("Connecting"));
   }
