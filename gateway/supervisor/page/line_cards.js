@@ -2,7 +2,7 @@
 // Each line: whether its drives are reached, how much passes, and what went wrong on it.
 
 import { Figure, SignedWords, heading, keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
-import { NOT_KNOWN, count, span, time } from "./figures.js";
+import { NOT_KNOWN, count, rounded, span, time } from "./figures.js";
 import { STALE_S } from "./model.js";
 import { t } from "./language.js";
 
@@ -80,7 +80,7 @@ export class LineCard {
     const failure = line.drives.failure ? `: ${line.drives.failure}` : "";
     setText(this.drives, t("Drives at {address}{failure}", { address: line.drives.address, failure }));
     const rate = this.rateOf(line.exchanges, now);
-    this.rate.show(rate === null ? NOT_KNOWN : rate < 10 ? rate.toFixed(1) : count(Math.round(rate)));
+    this.rate.show(rate === null ? NOT_KNOWN : rounded(rate, 10));
     for (const [key, figure] of this.counters) {
       this.showCounter(key, figure, line[key] ?? 0, now);
     }
