@@ -24,6 +24,7 @@ export class Chart {
     );
     this.width = 0;
     this.height = 0;
+    this.font = 12; // size of its letters in pixels: asked once for each drawing, for that costs a layout
   }
 
   /** Be drawn anew, pixel for pixel, as often as its element changes its size. */
@@ -49,14 +50,11 @@ export class Chart {
   /** Draw what it shows in the size that it has now. */
   redraw() {}
 
-  /** Whether there is room to draw in. */
-  get isSeen() {
+  /** Begin anew; returns whether there is room to draw in. */
+  clear() {
+    this.back.replaceChildren();
+    this.font = Number.parseFloat(getComputedStyle(this.element).fontSize) || 12;
     return this.width >= 60 && this.height >= 20;
-  }
-
-  /** Size of its letters in pixels. */
-  get font() {
-    return Number.parseFloat(getComputedStyle(this.element).fontSize) || 12;
   }
 
   /**

@@ -111,9 +111,8 @@ export class Curve extends Chart {
   }
 
   redraw() {
-    this.back.replaceChildren();
     this.across = null;
-    if (this.shown !== null && this.isSeen) {
+    if (this.clear() && this.shown !== null) {
       this.draw(this.shown);
     }
     this.move(this.place);

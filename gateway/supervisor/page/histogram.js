@@ -28,8 +28,7 @@ export class Histogram extends Chart {
   }
 
   redraw() {
-    this.back.replaceChildren();
-    if (this.counted !== null && this.isSeen) {
+    if (this.clear() && this.counted !== null) {
       this.draw(this.counted);
     }
   }
