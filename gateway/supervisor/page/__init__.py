@@ -34,6 +34,7 @@ FILES: Final = (
     "frames.js",
     "histogram.js",
     "history.js",
+    "kept.js",
     "language.js",
     "latency.js",
     "line_cards.js",
@@ -46,5 +47,14 @@ FILES: Final = (
     "de.json",
 )
 """Every file of the page, by its name in this folder; nothing else is served."""
-LOGIN_FILES: Final = ("page.css", "login.css", "theme.js", "login.js", "language.js", "de.json", "icon.svg")
+LOGIN_FILES: Final = (
+    "page.css",
+    "login.css",
+    "theme.js",
+    "login.js",
+    "language.js",
+    "kept.js",
+    "de.json",
+    "icon.svg",
+)
 """What the page that asks for a token needs: strangers may have these, and nothing else of the page."""

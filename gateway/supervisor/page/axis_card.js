@@ -1,93 +1,89 @@
 // @ts-check
 // One axis: what it does, where it is, its correction and its table.
 
+import { extent } from "./chart.js";
 import { Curve } from "./curve.js";
-import { make, setAttribute, setSign, setText, show, sign } from "./dom.js";
-import { NOT_KNOWN, fixed, scaleOf, span, timeOfDay } from "./figures.js";
+import { Figure, SignedWords, heading, make, newId, setAttribute, setSign, setText, show, sign } from "./dom.js";
+import { correctionText, fixed, positionText, scaleOf, span, timeOfDay } from "./figures.js";
 import { History } from "./history.js";
-import { Pointer } from "./pointer.js";
 import { Terms } from "./terms.js";
 import { compensation, direction, table as tableState, verdict } from "./words.js";
 import { t } from "./language.js";
 
 /**
- * @typedef {import("./model.js").Axis} Axis
+ * @typedef {import("./figures.js").Scale} Scale
  * @typedef {import("./model.js").Table} Table
+ * @typedef {import("./model.js").Times} Times
+ * @typedef {import("./terms.js").TermsOf} TermsOf
+ *
+ * @typedef {{ file: string | null, line: number | null, column: number | null, key: string, found: string,
+ *             remedy: string }} Problem
+ *
+ * @typedef {{ file: string | null, format: string | null, compiled: string | null, points: number,
+ *             status: string, error: string | null, loaded_at: string | null, problems?: Problem[] }} TableState
+ *
+ * @typedef {{ state: string, kind: string, title: string, since: string }} AxisVerdict the same of an axis; `title` is
+ *             empty where the state of the compensation says it
+ *
+ * @typedef {{ of: string | null, nominal: number | null, corrected: number | null, age_s: number | null,
+ *             is_at_least: boolean }} Position what is known best of where an axis is: a reading, the last reading or
+ *             the target; null: nothing
+ *
+ * @typedef {{ compensation: string, units: string, direction: string, correction: number | null,
+ *             gain: { forward: number, backward: number }, travel: [number, number] | null,
+ *             nominal_setpoint: number | null, corrected_setpoint: number | null,
+ *             nominal_actual: number | null, corrected_actual: number | null, table: TableState,
+ *             writer?: string | null, terms?: TermsOf | null, verdict: AxisVerdict, position: Position,
+ *             latency: { gateway_us: Times, budget_us: number, budget_overruns: number,
+ *                        is_over_budget: boolean } }} Axis
  */
 
 const LONG = 8; // digits that fit a narrow card in the largest size
 
-let number = 0;
+/** @type {[string, (axis: Axis, scale: Scale) => string | null][]} the figures below the position; null: not shown */
+const FIGURES = [
+  [t("Correction"), (axis, scale) => correctionText(correctionOf(axis), scale)],
+  [t("On the drive"), ({ position }, scale) => positionText(position.corrected, scale)],
+  [t("Target"), (axis, scale) => (axis.position.of === "target" ? null : positionText(axis.nominal_setpoint, scale))],
+  [t("Moved by"), ({ writer }) => writer || null],
+  [t("Gain"), ({ gain }) => gainText(gain)],
+];
 
 export class AxisCard {
   /** @param {string} name */
   constructor(name) {
-    number += 1;
     this.name = name;
     /** @type {Axis | null} */
     this.axis = null;
     /** @type {Table | null} */
     this.table = null;
     this.shownCurve = "";
-    this.curve = new Curve();
+    this.curve = new Curve(name);
     this.history = new History(name);
-    this.curvePointer = new Pointer(
-      this.curve.element,
-      {
-        stops: () => this.curve.stops(),
-        nearest: (share) => this.curve.nearest(share),
-        mark: (index) => this.curve.markAt(index),
-      },
-      t("Correction of axis {axis} at a position", { axis: name }),
-    );
-    this.stateSign = sign("info");
-    this.stateWords = make("span");
-    this.stateSince = make("span", { class: "since" });
-    this.state = make("p", { class: "state" }, this.stateSign, this.stateWords, this.stateSince);
+    this.since = make("span", { class: "since" });
+    this.state = new SignedWords("p", "state", this.since);
     this.positionName = make("span", { class: "reading-name", text: t("Position") });
     this.position = make("span", { class: "digits" });
     this.units = make("span", { class: "units" });
     this.big = make("p", { class: "position" }, this.position, this.units);
-    this.directionSign = sign("unknown");
-    this.directionWords = make("span");
-    this.direction = make("p", { class: "direction" }, this.directionSign, this.directionWords);
-    this.correction = make("dd");
-    this.correctionRow = make("div", {}, make("dt", { text: t("Correction") }), this.correction);
+    this.direction = new SignedWords("p", "direction");
+    this.figures = FIGURES.map(([words]) => new Figure(words));
     /** @type {Terms | null} */
     this.terms = null;
-    this.corrected = make("dd");
-    this.target = make("dd");
-    this.targetRow = make("div", {}, make("dt", { text: t("Target") }), this.target);
-    this.gain = make("dd");
-    this.gainRow = make("div", {}, make("dt", { text: t("Gain") }), this.gain);
-    this.writer = make("dd");
-    this.writerRow = make("div", {}, make("dt", { text: t("Moved by") }), this.writer);
     this.tableSign = sign("info");
     this.tableName = make("span", { class: "file" });
     this.tableWords = make("span", { class: "file-state" });
     this.problems = make("ul", { class: "problems" });
-    this.drawing = make(
-      "div",
-      { class: "drawing-frame" },
-      this.curve.element,
-      this.curvePointer.slider,
-      this.curvePointer.words,
-    );
     this.noCurve = make("p", { class: "no-curve quiet" });
     this.valuesBody = make("tbody");
     this.valuesHead = make("tr");
     this.values = make("details", { class: "values" }, make("summary", { text: t("Values of the table") }));
     this.element = this.laidOut();
     this.values.addEventListener("toggle", () => this.fillValues());
-    this.resizes = new ResizeObserver(([entry]) => {
-      this.curve.resize(entry.contentRect.width, entry.contentRect.height);
-      this.curvePointer.redraw();
-    });
-    this.resizes.observe(this.drawing);
   }
 
   laidOut() {
-    const title = `axis-${number}-title`;
+    const title = newId("axis");
     const frame = make(
       "div",
       { class: "values-frame", tabindex: "0", role: "region", "aria-label": t("Values of the table of axis {axis}", { axis: this.name }) },
@@ -100,8 +96,8 @@ export class AxisCard {
       make(
         "header",
         { class: "card-head" },
-        make("h3", { id: title }, make("span", { class: "unseen", text: `${t("Axis")} ` }), make("span", { text: this.name })),
-        this.state,
+        heading(t("Axis"), this.name, { id: title }),
+        this.state.element,
       ),
       make(
         "div",
@@ -109,20 +105,12 @@ export class AxisCard {
         make(
           "div",
           { class: "readings" },
-          make("div", { class: "reading-head" }, this.positionName, this.direction),
+          make("div", { class: "reading-head" }, this.positionName, this.direction.element),
           this.big,
-          make(
-            "dl",
-            { class: "facts" },
-            this.correctionRow,
-            make("div", {}, make("dt", { text: t("On the drive") }), this.corrected),
-            this.targetRow,
-            this.writerRow,
-            this.gainRow,
-          ),
+          make("dl", { class: "facts" }, ...this.figures.map((figure) => figure.element)),
           this.history.figure,
         ),
-        make("figure", { class: "curve" }, this.drawing, this.noCurve, this.legend()),
+        make("figure", { class: "curve" }, this.curve.frame, this.noCurve, this.legend()),
       ),
       make(
         "footer",
@@ -146,7 +134,6 @@ export class AxisCard {
   }
 
   leave() {
-    this.resizes.disconnect();
     this.element.remove();
   }
 
@@ -162,38 +149,23 @@ export class AxisCard {
     const isRead = position.of === "reading";
     setAttribute(this.element, "data-tone", state.tone);
     setAttribute(this.element, "data-known", isRead ? "yes" : "no");
-    setAttribute(this.state, "class", `state ${state.tone}`);
-    setSign(this.stateSign, state.sign);
-    setText(this.stateWords, state.words);
-    setText(this.stateSince, t("since {time}", { time: timeOfDay(axis.verdict.since) }));
+    this.state.show(state);
+    setText(this.since, t("since {time}", { time: timeOfDay(axis.verdict.since) }));
 
     setText(this.positionName, nameOf(position));
     const digits = fixed(position.nominal, scale.decimals);
     setText(this.position, digits);
     setAttribute(this.big, "class", digits.length > LONG ? "position long" : "position");
     setText(this.units, scale.units);
-    setText(this.corrected, withUnits(fixed(position.corrected, scale.decimals), scale.units));
-    const correction = correctionOf(axis);
-    setText(
-      this.correction,
-      withUnits(fixed(correction === null ? null : correction * scale.perUnit, scale.smallDecimals, true), scale.small),
-    );
+    this.direction.show(direction(axis.direction));
+    FIGURES.forEach(([, textOf], index) => this.figures[index].show(textOf(axis, scale)));
     if (axis.terms) {
-      this.terms ??= new Terms(this.correctionRow);
+      this.terms ??= new Terms(this.figures[0].element);
     }
     this.terms?.show(axis.terms, axis.units);
-    show(this.targetRow, position.of !== "target");
-    setText(this.target, withUnits(fixed(axis.nominal_setpoint, scale.decimals), scale.units));
-    const way = direction(axis.direction);
-    setSign(this.directionSign, way.sign);
-    setText(this.directionWords, way.words);
-    const { forward, backward } = axis.gain;
-    show(this.gainRow, forward !== 1 || backward !== 1);
-    setText(this.gain, forward === backward ? `× ${forward}` : t("× {forward} forward, × {backward} backward", { forward, backward }));
-    show(this.writerRow, Boolean(axis.writer));
-    setText(this.writer, axis.writer ?? "");
     this.showTable(axis);
     this.showCurve(axis);
+    const correction = correctionOf(axis);
     this.curve.move(this.placeOf(position.nominal, correction));
     this.history.add(isRead ? position.nominal : null, isRead ? correction : null, now, scale);
   }
@@ -217,8 +189,7 @@ export class AxisCard {
   showTable(axis) {
     const its = axis.table;
     const state = tableState(its.status);
-    setAttribute(this.tableSign, "class", `sign ${state.tone}`);
-    setSign(this.tableSign, state.sign);
+    setSign(this.tableSign, state.sign, state.tone);
     setText(this.tableName, its.file ?? "");
     const without = its.status === "none" ? t("No table is configured") : t("No table: backlash alone");
     const parts = [its.file === null ? without : state.words];
@@ -263,7 +234,6 @@ export class AxisCard {
     }
     this.shownCurve = key;
     if (this.table === null || !has) {
-      this.curvePointer.set(null);
       this.curve.show(null);
       show(this.values, false);
       return;
@@ -273,7 +243,6 @@ export class AxisCard {
     const scale = scaleOf(axis.units);
     const travel = table.travel === undefined ? axis.travel : table.travel;
     this.curve.show({ table, travel, scale });
-    this.curvePointer.redraw();
     this.fillValues();
     setText(this.curve.title, t("Correction of axis {axis} over its travel", { axis: this.name }));
     const last = table.positions[table.positions.length - 1];
@@ -330,7 +299,7 @@ function stateOf({ verdict: found, compensation: state }) {
 
 /**
  * What the large number is.
- * @param {import("./model.js").Position} position
+ * @param {Position} position
  */
 function nameOf({ of, age_s: age, is_at_least: isAtLeast }) {
   if (of === "reading") {
@@ -354,15 +323,15 @@ function correctionOf({ position, compensation: state, correction }) {
   return isRead && state !== "shadow" && nominal !== null && corrected !== null ? corrected - nominal : correction;
 }
 
-/**
- * @param {string} text
- * @param {string} units
- */
-function withUnits(text, units) {
-  return text === NOT_KNOWN ? text : `${text}\u202f${units}`;
+/** @param {Axis["gain"]} gain */
+function gainText({ forward, backward }) {
+  if (forward !== backward) {
+    return t("× {forward} forward, × {backward} backward", { forward, backward });
+  }
+  return forward === 1 ? null : `× ${forward}`;
 }
 
-/** @param {import("./model.js").Problem} problem */
+/** @param {Problem} problem */
 function sentence(problem) {
   const place = [problem.file, problem.line, problem.column].filter((part) => part !== null && part !== "").join(":");
   return [place, problem.key, [problem.found, problem.remedy].filter(Boolean).join("; ")].filter(Boolean).join(": ");
@@ -370,15 +339,9 @@ function sentence(problem) {
 
 /**
  * @param {number[]} values
- * @param {import("./figures.js").Scale} scale
+ * @param {Scale} scale
  */
 function range(values, scale) {
-  const scaled = values.map((value) => value * scale.perUnit);
-  const low = scaled.reduce((one, other) => Math.min(one, other), Infinity);
-  const high = scaled.reduce((one, other) => Math.max(one, other), -Infinity);
-  return t("from {low} to {high} {units}", {
-    low: fixed(low, scale.smallDecimals, true),
-    high: fixed(high, scale.smallDecimals, true),
-    units: scale.small,
-  });
+  const [low, high] = (extent(values) ?? []).map((value) => fixed(value * scale.perUnit, scale.smallDecimals, true));
+  return t("from {low} to {high} {units}", { low, high, units: scale.small });
 }

@@ -4,7 +4,7 @@
 import { byId, keepChildren, make, setAttribute, setSentence, setSign, setText, show, sign } from "./dom.js";
 import { span, timeOfDay } from "./figures.js";
 import { acknowledged } from "./session.js";
-import { capital, verdict as inWords } from "./words.js";
+import { capital, counted, verdict as inWords } from "./words.js";
 import { place, said, t } from "./language.js";
 
 const AT_FIRST = matchMedia("(max-width: 40rem)").matches ? 2 : 4; // the axes should stay in sight
@@ -55,7 +55,7 @@ export class Banner {
     setAttribute(this.verdict, "class", `verdict ${tone}`);
     setSign(this.verdictSign, name);
     setText(this.verdictWord, words);
-    setText(this.verdictAbout, `${t("since {time}", { time: timeOfDay(verdict.since) })} · ${counted(verdict) || about}`);
+    setText(this.verdictAbout, `${t("since {time}", { time: timeOfDay(verdict.since) })} · ${wrongs(verdict) || about}`);
     this.say(`${words}: ${about}.`);
     this.draw();
   }
@@ -198,13 +198,9 @@ class TroubleItem {
  * How many things are wrong, as `1 error, 2 warnings`; empty where nothing is.
  * @param {Verdict} verdict
  */
-function counted({ errors, warnings }) {
-  return [
-    errors ? `${errors} ${errors === 1 ? t("error") : t("errors")}` : "",
-    warnings ? `${warnings} ${warnings === 1 ? t("warning") : t("warnings")}` : "",
-  ]
-    .filter(Boolean)
-    .join(", ");
+function wrongs({ errors, warnings }) {
+  const parts = [errors ? counted(errors, t("error"), t("errors")) : "", warnings ? counted(warnings, t("warning"), t("warnings")) : ""];
+  return parts.filter(Boolean).join(", ");
 }
 
 /** @param {Trouble} trouble */

@@ -1,20 +1,101 @@
 // @ts-check
-// What both drawings share: their size, their letters, and the lines behind them.
+// What the drawings share: a name for screen readers, their size, their letters, scales, and the lines behind them.
 
-import { draw } from "./dom.js";
+import { draw, newId, setAttribute } from "./dom.js";
 
-/**
- * The room of a drawing, in pixels: `left` to `right` and `top` to `bottom` is where values go.
- * @typedef {{ width: number, height: number, left: number, right: number, top: number, bottom: number,
- *             font: number }} Room
- */
+/** A drawing that fills its element. */
+export class Chart {
+  /**
+   * @param {string} name its class
+   * @param {...SVGElement} above what is moved over the drawing rather than drawn anew
+   */
+  constructor(name, ...above) {
+    const id = newId(name);
+    this.title = draw("title", { id: `${id}-title` });
+    this.description = draw("desc", { id: `${id}-about` });
+    this.back = draw("g");
+    this.element = draw(
+      "svg",
+      { class: name, role: "img", "aria-labelledby": `${id}-title`, "aria-describedby": `${id}-about` },
+      this.title,
+      this.description,
+      this.back,
+      ...above,
+    );
+    this.width = 0;
+    this.height = 0;
+    this.font = 12; // size of its letters in pixels: asked once for each drawing, for that costs a layout
+  }
 
-/**
- * @param {Element} element
- * @returns {number} size of its letters in pixels
- */
-export function fontSize(element) {
-  return Number.parseFloat(getComputedStyle(element).fontSize) || 12;
+  /** Be drawn anew, pixel for pixel, as often as its element changes its size. */
+  follow() {
+    new ResizeObserver(([{ contentRect: { width, height } }]) => {
+      if (Math.abs(width - this.width) >= 1 || Math.abs(height - this.height) >= 1) {
+        this.resize(width, height);
+        this.redraw();
+      }
+    }).observe(this.element);
+  }
+
+  /**
+   * @param {number} width
+   * @param {number} height
+   */
+  resize(width, height) {
+    this.width = width;
+    this.height = height;
+    setAttribute(this.element, "viewBox", `0 0 ${round(width)} ${round(height)}`);
+  }
+
+  /** Draw what it shows in the size that it has now. */
+  redraw() {}
+
+  /** Begin anew; returns whether there is room to draw in. */
+  clear() {
+    this.back.replaceChildren();
+    this.font = Number.parseFloat(getComputedStyle(this.element).fontSize) || 12;
+    return this.width >= 60 && this.height >= 20;
+  }
+
+  /**
+   * A text behind the drawing.
+   * @param {string} text
+   * @param {number} x
+   * @param {number} y
+   * @param {string} anchor start, middle or end
+   * @param {string} [name]
+   */
+  label(text, x, y, anchor, name = "tick") {
+    this.back.append(draw("text", { x: round(x), y: round(y), "text-anchor": anchor, class: name, text }));
+  }
+
+  /**
+   * A line behind the drawing.
+   * @param {number} x1
+   * @param {number} y1
+   * @param {number} x2
+   * @param {number} y2
+   * @param {string} name
+   */
+  stroke(x1, y1, x2, y2, name) {
+    this.back.append(draw("line", { x1: round(x1), y1: round(y1), x2: round(x2), y2: round(y2), class: name }));
+  }
+
+  /**
+   * The lines across, each with its value.
+   * @param {number[]} ys in pixels
+   * @param {string[]} words of each
+   * @param {number} left
+   * @param {number} right
+   * @param {number} zero which of them is zero; -1: none
+   */
+  rows(ys, words, left, right, zero = -1) {
+    const { font } = this;
+    ys.forEach((y, index) => {
+      this.stroke(left, y, right, y, index === zero ? "grid zero" : "grid");
+      this.label(words[index], left - font * 0.45, y + font * 0.35, "end");
+    });
+  }
 }
 
 /**
@@ -27,7 +108,7 @@ export function textWidth(text, font) {
 }
 
 /**
- * A function from a stretch of values to a stretch of pixels.
+ * A function from a stretch of values to a stretch of pixels; to its middle where all values are one.
  * @param {number} low
  * @param {number} high
  * @param {number} from
@@ -35,42 +116,44 @@ export function textWidth(text, font) {
  */
 export function linear(low, high, from, to) {
   const scale = high === low ? 0 : (to - from) / (high - low);
-  return (/** @type {number} */ value) => from + (value - low) * scale;
+  const start = high === low ? (from + to) / 2 : from;
+  return (/** @type {number} */ value) => start + (value - low) * scale;
 }
 
 /**
- * A text of a drawing.
- * @param {string} text
- * @param {number} x
- * @param {number} y
- * @param {string} anchor start, middle or end
- * @param {string} [name]
+ * The least and the greatest of some values; null where none is known.
+ * @param {(number | null)[]} values
+ * @returns {[number, number] | null}
  */
-export function label(text, x, y, anchor, name = "tick") {
-  return draw("text", { x: round(x), y: round(y), "text-anchor": anchor, class: name, text });
+export function extent(values) {
+  let low = Infinity;
+  let high = -Infinity;
+  for (const value of values) {
+    if (value !== null) {
+      low = Math.min(low, value);
+      high = Math.max(high, value);
+    }
+  }
+  return low <= high ? [low, high] : null;
 }
 
 /**
- * A line across.
- * @param {number} x1
- * @param {number} y1
- * @param {number} x2
- * @param {number} y2
- * @param {string} name
- */
-export function stroke(x1, y1, x2, y2, name) {
-  return draw("line", { x1: round(x1), y1: round(y1), x2: round(x2), y2: round(y2), class: name });
-}
-
-/**
- * The path of a line through points.
- * @param {number[]} xs
- * @param {number[]} ys
+ * The path of a line through points, with a gap where nothing is known.
+ * @param {number[]} xs ascending
+ * @param {(number | null)[]} ys
  * @param {(x: number) => number} across
  * @param {(y: number) => number} up
+ * @param {number} [gap] the line does not reach over so much of x
  */
-export function path(xs, ys, across, up) {
-  return xs.map((x, index) => `${index ? "L" : "M"}${round(across(x))} ${round(up(ys[index]))}`).join("");
+export function path(xs, ys, across, up, gap = Infinity) {
+  let text = "";
+  ys.forEach((y, index) => {
+    if (y !== null) {
+      const isOn = index > 0 && ys[index - 1] !== null && xs[index] - xs[index - 1] <= gap;
+      text += `${isOn ? "L" : "M"}${round(across(xs[index]))} ${round(up(y))}`;
+    }
+  });
+  return text;
 }
 
 /** @param {number} pixels */

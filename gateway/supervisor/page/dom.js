@@ -2,6 +2,16 @@
 // Making elements, and changing only what is different. Text from the gateway is only ever set as text.
 
 const SVG = "http://www.w3.org/2000/svg";
+let ids = 0;
+
+/**
+ * A name for an element that nothing else on the page has.
+ * @param {string} kind
+ */
+export function newId(kind) {
+  ids += 1;
+  return `${kind}-${ids}`;
+}
 
 /**
  * Make an HTML element.
@@ -57,9 +67,61 @@ export function sign(name) {
  * Show another sign.
  * @param {Element} of what {@link sign} made
  * @param {string} name
+ * @param {string} [tone] its colour, where it has one of its own
  */
-export function setSign(of, name) {
+export function setSign(of, name, tone) {
   setAttribute(/** @type {Element} */ (of.firstElementChild), "href", `#i-${name}`);
+  if (tone !== undefined) {
+    setAttribute(of, "class", `sign ${tone}`);
+  }
+}
+
+/** A sign, words beside it that say the same, and the colour of both. */
+export class SignedWords {
+  /**
+   * @param {string} tag
+   * @param {string} name its class, beside the tone
+   * @param {...Node} after
+   */
+  constructor(tag, name, ...after) {
+    this.name = name;
+    this.sign = sign("wait");
+    this.words = make("span");
+    this.element = make(tag, { class: name }, this.sign, this.words, ...after);
+  }
+
+  /** @param {{ words: string, sign: string, tone?: string }} state */
+  show({ words, sign: name, tone }) {
+    setAttribute(this.element, "class", tone === undefined ? this.name : `${this.name} ${tone}`);
+    setSign(this.sign, name);
+    setText(this.words, words);
+  }
+}
+
+/** A figure with what it is, for a list of them. */
+export class Figure {
+  /** @param {string} [name] */
+  constructor(name = "") {
+    this.name = make("dt", { text: name });
+    this.value = make("dd");
+    this.element = make("div", {}, this.name, this.value);
+  }
+
+  /** @param {string | null} text null: there is nothing to say */
+  show(text) {
+    show(this.element, text !== null);
+    setText(this.value, text ?? "");
+  }
+}
+
+/**
+ * The heading of a card: a screen reader hears the kind as well.
+ * @param {string} kind
+ * @param {string} name
+ * @param {Record<string, string>} [attributes]
+ */
+export function heading(kind, name, attributes = {}) {
+  return make("h3", attributes, make("span", { class: "unseen", text: `${kind} ` }), make("span", { text: name }));
 }
 
 /**

@@ -39,6 +39,41 @@ export function fixed(value, decimals, hasSign = false) {
 }
 
 /**
+ * A number that is not negative: one decimal below a bound, whole from there on.
+ * @param {number} value
+ * @param {number} whole
+ */
+export function rounded(value, whole) {
+  return value < whole ? value.toFixed(1) : count(Math.round(value));
+}
+
+/**
+ * A position with its unit.
+ * @param {number | null} value
+ * @param {Scale} scale
+ */
+export function positionText(value, { decimals, units }) {
+  return withUnits(fixed(value, decimals), units);
+}
+
+/**
+ * A correction with its sign and its small unit.
+ * @param {number | null} value in the unit of the axis
+ * @param {Scale} scale
+ */
+export function correctionText(value, { perUnit, smallDecimals, small }) {
+  return withUnits(fixed(value && value * perUnit, smallDecimals, true), small);
+}
+
+/**
+ * @param {string} text
+ * @param {string} units
+ */
+function withUnits(text, units) {
+  return text === NOT_KNOWN ? text : `${text}\u202f${units}`;
+}
+
+/**
  * A count, in groups of three.
  * @param {number} value
  */
@@ -103,8 +138,21 @@ export function timeOfDay(iso) {
   if (Number.isNaN(then.getTime())) {
     return iso;
   }
-  const clock = [then.getHours(), then.getMinutes(), then.getSeconds()].map(two).join(":");
-  return then.toDateString() === new Date().toDateString() ? clock : `${day(then)} ${clock}`;
+  return then.toDateString() === new Date().toDateString() ? clock(then) : `${day(then)} ${clock(then)}`;
+}
+
+/**
+ * The time of day with milliseconds.
+ * @param {string} iso
+ */
+export function exactTimeOfDay(iso) {
+  const then = new Date(iso);
+  return `${clock(then)}.${String(then.getMilliseconds()).padStart(3, "0")}`;
+}
+
+/** @param {Date} date */
+function clock(date) {
+  return [date.getHours(), date.getMinutes(), date.getSeconds()].map(two).join(":");
 }
 
 /** @param {Date} date */

@@ -1,7 +1,8 @@
 // @ts-check
 // The newest frames of a line, in words, newest first. Only asked for while somebody looks at them.
 
-import { byId, make, setAttribute, setText, show } from "./dom.js";
+import { byId, keepChildren, make, setAttribute, setText, show } from "./dom.js";
+import { exactTimeOfDay } from "./figures.js";
 import { t } from "./language.js";
 
 /** @typedef {{ time: string, kind: string, side: string, words: string }} Frame `time` as ISO 8601 */
@@ -18,6 +19,8 @@ export class Frames {
     this.hold = byId("frames-hold");
     this.list = byId("frames");
     this.none = byId("no-frames");
+    /** @type {Map<string, HTMLElement>} */
+    this.options = new Map();
     this.isHeld = false;
     this.isAsking = false;
     this.newest = "";
@@ -36,14 +39,8 @@ export class Frames {
 
   /** @param {string[]} lines */
   offer(lines) {
-    const there = [...this.choice.options].map(({ value }) => value);
-    if (there.join("\n") !== lines.join("\n")) {
-      const chosen = this.choice.value;
-      this.choice.replaceChildren(...lines.map((name) => make("option", { value: name, text: `${t("line")} ${name}` })));
-      if (lines.includes(chosen)) {
-        this.choice.value = chosen;
-      }
-    }
+    const made = (/** @type {string} */ name) => make("option", { value: name, text: `${t("line")} ${name}` });
+    keepChildren(this.choice, this.options, lines, made, (option) => option);
   }
 
   async ask() {
@@ -89,16 +86,8 @@ function itemOf(frame) {
   return make(
     "li",
     { class: `frame ${frame.side || "other"}${isWrong ? " wrong" : ""}` },
-    make("time", { datetime: frame.time, title: frame.time, text: clock(frame.time) }),
+    make("time", { datetime: frame.time, title: frame.time, text: exactTimeOfDay(frame.time) }),
     make("span", { class: "way", text: way }),
     make("span", { class: "words", text: words }),
   );
-}
-
-/** Time of day with milliseconds. @param {string} iso */
-function clock(iso) {
-  const at = new Date(iso);
-  const two = (/** @type {number} */ number) => String(number).padStart(2, "0");
-  const ms = String(at.getMilliseconds()).padStart(3, "0");
-  return `${two(at.getHours())}:${two(at.getMinutes())}:${two(at.getSeconds())}.${ms}`;
 }

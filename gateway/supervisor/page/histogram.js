@@ -1,70 +1,42 @@
 // @ts-check
 // How long the gateway took: how many exchanges fell into each stretch, both axes by powers, and the budget.
 
-import { label, fontSize, linear, round, stroke, textWidth } from "./chart.js";
+import { Chart, linear, round, textWidth } from "./chart.js";
 import { draw } from "./dom.js";
 import { shortCount, time } from "./figures.js";
 import { t } from "./language.js";
 
 /** @typedef {{ bounds: number[], below: number[], budget: number | null }} Counted microseconds */
 
-export class Histogram {
+export class Histogram extends Chart {
   constructor() {
-    this.title = draw("title", { id: "histogram-title" });
-    this.description = draw("desc", { id: "histogram-about" });
-    this.back = draw("g");
-    this.element = draw(
-      "svg",
-      {
-        class: "drawing",
-        role: "img",
-        "aria-labelledby": "histogram-title",
-        "aria-describedby": "histogram-about",
-      },
-      this.title,
-      this.description,
-      this.back,
-    );
-    this.width = 0;
-    this.height = 0;
+    super("drawing");
+    this.follow();
     /** @type {Counted | null} */
     this.counted = null;
     this.drawn = "";
   }
 
-  /**
-   * @param {number} width in pixels
-   * @param {number} height in pixels
-   */
-  resize(width, height) {
-    if (Math.abs(width - this.width) >= 1 || Math.abs(height - this.height) >= 1) {
-      this.width = width;
-      this.height = height;
-      this.drawn = "";
+  /** @param {Counted | null} counted */
+  show(counted) {
+    const key = JSON.stringify(counted);
+    if (key !== this.drawn) {
+      this.drawn = key;
+      this.counted = counted;
       this.redraw();
     }
   }
 
-  /** @param {Counted | null} counted */
-  show(counted) {
-    this.counted = counted;
-    this.redraw();
+  redraw() {
+    if (this.clear() && this.counted !== null) {
+      this.draw(this.counted);
+    }
   }
 
-  redraw() {
-    const key = JSON.stringify(this.counted);
-    if (key === this.drawn || this.width < 60) {
-      return;
-    }
-    this.drawn = key;
-    this.back.replaceChildren();
-    this.element.setAttribute("viewBox", `0 0 ${round(this.width)} ${round(this.height)}`);
-    if (this.counted === null) {
-      return;
-    }
-    const { bounds, below, budget } = this.counted;
+  /** @param {Counted} counted */
+  draw({ bounds, below, budget }) {
+    const { font } = this;
     const counts = below.map((all, index) => all - (index ? below[index - 1] : 0));
-    const font = fontSize(this.element);
     const most = 10 ** Math.max(1, Math.ceil(Math.log10(Math.max(...counts, 1) + 1)));
     const left = textWidth(shortCount(most), font) + font * 0.9;
     const right = this.width - font * 0.3;
@@ -72,10 +44,12 @@ export class Histogram {
     const bottom = this.height - font * 1.8;
     const up = linear(0, Math.log10(most) + HALF, bottom, top);
     const across = linear(0, counts.length, left, right);
-    this.rows(most, up, left, right, font);
+    const every = Math.max(1, Math.ceil((font * 1.5) / Math.abs(up(1) - up(0))));
+    const powers = [...Array(Math.round(Math.log10(most)) + 1).keys()].filter((power) => power % every === 0);
+    this.rows(powers.map((power) => up(power + HALF)), powers.map((power) => shortCount(10 ** power)), left, right);
     const beyond = budget === null ? Infinity : barOf(budget, bounds);
     counts.forEach((count, index) => {
-      this.back.append(stroke(across(index), bottom, across(index), bottom + 4, "grid"));
+      this.stroke(across(index), bottom, across(index), bottom + 4, "grid");
       if (count > 0) {
         const x = across(index) + 1;
         const y = up(Math.log10(count) + HALF);
@@ -84,36 +58,14 @@ export class Histogram {
         this.back.append(draw("rect", { x: round(x), y: round(y), ...size, rx: 1.5, class: name }));
       }
     });
-    this.back.append(stroke(left, bottom, right, bottom, "grid zero"));
-    this.times(bounds, across, bottom, font);
+    this.stroke(left, bottom, right, bottom, "grid zero");
+    this.times(bounds, across, bottom);
     if (budget !== null) {
       const x = across(beyond);
       const words = `${t("budget")} ${time(budget)}`;
       const fits = x + textWidth(words, font) + 6 < right;
-      this.back.append(
-        stroke(x, font * 0.4, x, bottom, "budget"),
-        label(words, x + (fits ? 6 : -6), font * 1.1, fits ? "start" : "end", "budget-words"),
-      );
-    }
-  }
-
-  /**
-   * @param {number} most
-   * @param {(power: number) => number} up
-   * @param {number} left
-   * @param {number} right
-   * @param {number} font
-   */
-  rows(most, up, left, right, font) {
-    const powers = Math.round(Math.log10(most));
-    const room = Math.abs(up(1) - up(0));
-    const every = Math.max(1, Math.ceil((font * 1.5) / room));
-    for (let power = 0; power <= powers; power += every) {
-      const y = up(power + HALF);
-      this.back.append(
-        stroke(left, y, right, y, "grid"),
-        label(shortCount(10 ** power), left - font * 0.45, y + font * 0.35, "end"),
-      );
+      this.stroke(x, font * 0.4, x, bottom, "budget");
+      this.label(words, x + (fits ? 6 : -6), font * 1.1, fits ? "start" : "end", "budget-words");
     }
   }
 
@@ -122,9 +74,9 @@ export class Histogram {
    * @param {number[]} bounds
    * @param {(index: number) => number} across
    * @param {number} bottom
-   * @param {number} font
    */
-  times(bounds, across, bottom, font) {
+  times(bounds, across, bottom) {
+    const { font } = this;
     let free = -Infinity;
     const isNarrow = across(1) - across(0) < textWidth("500 µs", font);
     bounds.forEach((bound, index) => {
@@ -134,7 +86,7 @@ export class Histogram {
       const half = textWidth(text, font) / 2;
       if ((isPower || !isNarrow) && x - half > free) {
         const isAtEdge = x + half > this.width;
-        this.back.append(label(text, isAtEdge ? this.width - 1 : x, bottom + font * 1.5, isAtEdge ? "end" : "middle"));
+        this.label(text, isAtEdge ? this.width - 1 : x, bottom + font * 1.5, isAtEdge ? "end" : "middle");
         free = x + half + font * 0.4;
       }
     });

@@ -1,8 +1,9 @@
 // @ts-check
 // The past of one axis, from ten minutes to a day: where it was, and what was added there.
 
+import { Chart, extent, linear, path } from "./chart.js";
 import { draw, make, setAttribute } from "./dom.js";
-import { fixed, timeOfDay } from "./figures.js";
+import { correctionText, fixed, positionText, timeOfDay } from "./figures.js";
 import { Pointer, nearestOf } from "./pointer.js";
 import { t } from "./language.js";
 
@@ -20,13 +21,19 @@ const AIR = 5;
 /** @type {Record<string, string>} spans by minutes */
 export const SPANS = { 10: t("10 minutes"), 60: t("1 hour"), 480: t("8 hours"), 1440: t("1 day") };
 
-let number = 0;
-
-export class History {
+export class History extends Chart {
   /** @param {string} axis */
   constructor(axis) {
-    number += 1;
+    const position = draw("path", { class: "history-position" });
+    const correction = draw("path", { class: "history-correction" });
+    const reading = draw("line", { class: "history-reading", y1: 0, y2: HEIGHT, visibility: "hidden" });
+    super("history", position, correction, reading);
+    this.resize(WIDTH, HEIGHT);
+    setAttribute(this.element, "preserveAspectRatio", "none"); // the browser stretches it
     this.axis = axis;
+    this.position = position;
+    this.correction = correction;
+    this.reading = reading;
     this.minutes = 10;
     /** @type {Seen[]} oldest first */
     this.seen = [];
@@ -34,34 +41,8 @@ export class History {
     this.drawn = "";
     /** @type {import("./figures.js").Scale | null} */
     this.scale = null;
-    this.title = draw("title", { id: `history-${number}` });
     this.name();
-    this.words = draw("desc", { id: `history-${number}-about` });
-    this.position = draw("path", { class: "history-position" });
-    this.correction = draw("path", { class: "history-correction" });
-    this.reading = draw("line", { class: "history-reading", y1: 0, y2: HEIGHT, visibility: "hidden" });
-    this.element = draw(
-      "svg",
-      {
-        class: "history",
-        role: "img",
-        viewBox: `0 0 ${WIDTH} ${HEIGHT}`,
-        preserveAspectRatio: "none",
-        "aria-labelledby": `history-${number}`,
-        "aria-describedby": `history-${number}-about`,
-      },
-      this.title,
-      this.words,
-      this.position,
-      this.correction,
-      this.reading,
-    );
-    const readable = {
-      stops: () => this.stops(),
-      nearest: (/** @type {number} */ share) => this.nearest(share),
-      mark: (/** @type {number | null} */ index) => this.markAt(index),
-    };
-    this.pointer = new Pointer(this.element, readable, t("Axis {axis} at a time", { axis }));
+    this.pointer = new Pointer(this, t("Axis {axis} at a time", { axis }));
     this.figure = this.laidOut();
     void this.fetch();
   }
@@ -170,23 +151,26 @@ export class History {
    * @param {import("./figures.js").Scale} scale
    */
   draw(now, scale) {
-    const times = this.seen.map(({ at }) => this.acrossOf(at, now));
-    const positions = this.seen.map(({ nominal }) => nominal);
-    const corrections = this.seen.map(({ correction }) => correction);
-    const gap = (GAP_MS / this.keptMs) * WIDTH;
-    this.position.setAttribute("d", lineOf(times, positions, gap));
-    this.correction.setAttribute("d", lineOf(times, corrections, gap));
-    const [low, high] = ends(positions);
-    const [least, most] = ends(corrections);
-    this.words.textContent =
-      t("Position from {low} to {high} {units}, correction from {least} to {most} {small}.", {
-        low: fixed(low, scale.decimals),
-        high: fixed(high, scale.decimals),
-        units: scale.units,
-        least: fixed(least && least * scale.perUnit, scale.smallDecimals, true),
-        most: fixed(most && most * scale.perUnit, scale.smallDecimals, true),
-        small: scale.small,
-      });
+    const seen = this.seen.filter(({ at }) => now - at <= this.keptMs);
+    const times = seen.map(({ at }) => at);
+    const across = (/** @type {number} */ at) => this.acrossOf(at, now);
+    const drawn = (/** @type {Element} */ line, /** @type {(number | null)[]} */ values) => {
+      const [low, high] = extent(values) ?? [null, null];
+      const up = linear(low ?? 0, high ?? 0, HEIGHT - AIR, AIR);
+      setAttribute(line, "d", path(times, values, across, up, GAP_MS));
+      return [low, high];
+    };
+    const [low, high] = drawn(this.position, seen.map(({ nominal }) => nominal));
+    const [least, most] = drawn(this.correction, seen.map(({ correction }) => correction));
+    const small = (/** @type {number | null} */ value) => fixed(value && value * scale.perUnit, scale.smallDecimals, true);
+    this.description.textContent = t("Position from {low} to {high} {units}, correction from {least} to {most} {small}.", {
+      low: fixed(low, scale.decimals),
+      high: fixed(high, scale.decimals),
+      units: scale.units,
+      least: small(least),
+      most: small(most),
+      small: scale.small,
+    });
     this.pointer.redraw();
   }
 
@@ -228,51 +212,10 @@ export class History {
     if (nominal === null) {
       return t("{time}: position not known", { time: when });
     }
-    const added = correction === null ? null : correction * scale.perUnit;
-    return (
-      t("{time}: {position}, correction {correction}", {
-        time: when,
-        position: `${fixed(nominal, scale.decimals)}\u202f${scale.units}`,
-        correction: `${fixed(added, scale.smallDecimals, true)}\u202f${scale.small}`,
-      })
-    );
+    return t("{time}: {position}, correction {correction}", {
+      time: when,
+      position: positionText(nominal, scale),
+      correction: correctionText(correction, scale),
+    });
   }
-}
-
-/** @param {(number | null)[]} values @returns {[number, number] | [null, null]} */
-function ends(values) {
-  let low = Infinity;
-  let high = -Infinity;
-  for (const value of values) {
-    if (value !== null) {
-      low = Math.min(low, value);
-      high = Math.max(high, value);
-    }
-  }
-  return low <= high ? [low, high] : [null, null];
-}
-
-/**
- * The path of a line that has gaps where nothing is known; it fills the height.
- * @param {number[]} times
- * @param {(number | null)[]} values
- * @param {number} gap without a time for so long nothing is known
- */
-function lineOf(times, values, gap) {
-  const [low, high] = ends(values);
-  if (low === null || high === null) {
-    return "";
-  }
-  const room = HEIGHT - 2 * AIR;
-  const up = (/** @type {number} */ value) => (high > low ? HEIGHT - AIR - ((value - low) / (high - low)) * room : HEIGHT / 2);
-  let isGap = true;
-  let text = "";
-  values.forEach((value, index) => {
-    isGap ||= index > 0 && times[index] - times[index - 1] > gap;
-    if (value !== null && times[index] >= 0) {
-      text += `${isGap ? "M" : "L"}${times[index].toFixed(1)} ${up(value).toFixed(1)}`;
-    }
-    isGap = value === null || times[index] < 0;
-  });
-  return text;
 }

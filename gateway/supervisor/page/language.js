@@ -2,10 +2,10 @@
 // The language of the page. English stands in the program; every other language is a file that says each English
 // text once more. What a file does not know is shown in English.
 
+import { keep, kept } from "./kept.js";
+
 /** The languages there are, each called as its readers call it. */
 export const LANGUAGES = { en: "English", de: "Deutsch" };
-
-const KEPT = "pitch-gateway-language";
 
 /**
  * A sentence of the gateway: a text, or a text with what differs in it.
@@ -14,13 +14,7 @@ const KEPT = "pitch-gateway-language";
 
 /** @returns {keyof typeof LANGUAGES} */
 function chosenLanguage() {
-  let chosen = null;
-  try {
-    chosen = localStorage.getItem(KEPT);
-  } catch {
-    // A browser that keeps nothing: its own language.
-  }
-  const wanted = [chosen ?? "", ...navigator.languages].map((each) => each.slice(0, 2).toLowerCase());
+  const wanted = [kept("language") ?? "", ...navigator.languages].map((each) => each.slice(0, 2).toLowerCase());
   return /** @type {keyof typeof LANGUAGES} */ (wanted.find((each) => Object.hasOwn(LANGUAGES, each)) ?? "en");
 }
 
@@ -98,11 +92,7 @@ function translate(root) {
 export function offerLanguages(choice) {
   choice.append(...Object.entries(LANGUAGES).map(([value, name]) => new Option(name, value, false, value === language)));
   choice.addEventListener("change", () => {
-    try {
-      localStorage.setItem(KEPT, choice.value);
-    } catch {
-      // A browser that keeps nothing: its own language stays.
-    }
+    keep("language", choice.value);
     location.reload();
   });
 }

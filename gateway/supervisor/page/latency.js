@@ -2,7 +2,7 @@
 // What the gateway itself takes: one axis or line as a histogram, all of them as figures beside their budget.
 
 import { byId, keepChildren, make, setAttribute, setText, show, sign } from "./dom.js";
-import { NOT_KNOWN, count, time } from "./figures.js";
+import { NOT_KNOWN, count, rounded, time } from "./figures.js";
 import { Histogram } from "./histogram.js";
 import { t } from "./language.js";
 
@@ -43,9 +43,6 @@ export class Latency {
         this.show(this.model);
       }
     });
-    new ResizeObserver(([entry]) => {
-      this.histogram.resize(entry.contentRect.width, entry.contentRect.height);
-    }).observe(this.drawing);
   }
 
   /** @param {Model} model */
@@ -111,7 +108,7 @@ class Row {
   /** @param {Measured} measured */
   show({ words, times, budget, overruns, isOver }) {
     setText(this.name, words);
-    [times.p50, times.p99, times.p999, times.max, budget].forEach((value, index) => setText(this.cells[index], short(value)));
+    [times.p50, times.p99, times.p999, times.max, budget].forEach((value, index) => setText(this.cells[index], value === null ? NOT_KNOWN : rounded(value, 100)));
     setText(this.overWords, count(overruns));
     setAttribute(this.element, "class", isOver ? "is-over" : "");
   }
@@ -124,14 +121,6 @@ function head() {
 
 function caption() {
   return make("figcaption", { class: "quiet small", text: t("Exchanges by the time that the gateway added to them, since its start") });
-}
-
-/**
- * Microseconds, as many digits as matter.
- * @param {number | null} value
- */
-function short(value) {
-  return value === null ? NOT_KNOWN : value < 100 ? value.toFixed(1) : count(Math.round(value));
 }
 
 /**

@@ -1,14 +1,25 @@
 // @ts-check
 // Each line: whether its drives are reached, how much passes, and what went wrong on it.
 
-import { keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
-import { NOT_KNOWN, count, span, time } from "./figures.js";
+import { Figure, SignedWords, heading, keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
+import { NOT_KNOWN, count, rounded, span, time } from "./figures.js";
 import { STALE_S } from "./model.js";
 import { t } from "./language.js";
 
 /**
- * @typedef {import("./model.js").Line} Line
- * @typedef {import("./model.js").Controller} Controller
+ * @typedef {import("./model.js").Times} Times
+ * @typedef {import("./words.js").State} State
+ * @typedef {{ name: string, role: string, address: string | string[], connections?: string[], state?: string,
+ *             failure?: string, asked_s?: number | null, silent_s?: number, gateway_us: Times,
+ *             tls?: { sessions?: { subject: string, certified: string }[] } }} Controller
+ *
+ * @typedef {{ silent_s: number | null, answered_s: number | null }} Drive
+ *
+ * @typedef {{ state: string, exchanges: number, timeouts: number, crc_errors: number, exceptions: number,
+ *             late: number, refused?: number, unit_ids?: { axes: Record<string, number>, drives?: Record<string, Drive> },
+ *             budget_overruns?: number, gateway_us: Times, controllers: Controller[],
+ *             drives: { address: string, failure: string } }} Line
+ *
  * @typedef {"timeouts" | "crc_errors" | "exceptions" | "late" | "refused"} Counter
  */
 
@@ -20,15 +31,11 @@ const COUNTERS = [
   ["refused", t("Refused")],
   ["late", t("Late")],
 ];
-/** @type {import("./words.js").State} */
 const UNKNOWN = { words: t("Not known"), sign: "wait", tone: "note" };
-/** @type {import("./words.js").State} */
 const GOOD = { words: "", sign: "ok", tone: "well" };
-/** @type {import("./words.js").State} */
 const AWAY = { words: "", sign: "off", tone: "note" };
-/** @type {import("./words.js").State} */
 const BROKEN = { words: "", sign: "error", tone: "error" };
-/** @type {Record<string, import("./words.js").State>} */
+/** @type {Record<string, State>} */
 const OF_SEVERITY = { error: BROKEN, warning: { words: "", sign: "warning", tone: "warning" } };
 const OF_ALL = new Set(["controller-absent", "controller-silent"]); // of all motion controllers of a line together
 const QUIET_S = 5;
@@ -38,12 +45,10 @@ const FRESH_MS = 60_000;
 export class LineCard {
   /** @param {string} name */
   constructor(name) {
-    this.stateSign = sign("info");
-    this.stateWords = make("span");
-    this.state = make("p", { class: "state" }, this.stateSign, this.stateWords);
+    this.state = new SignedWords("p", "state");
     this.drives = make("p", { class: "drives" });
-    this.rate = make("dd");
-    this.counters = new Map(COUNTERS.map(([key]) => [key, make("dd")]));
+    this.rate = new Figure(t("Exchanges/s"));
+    this.counters = new Map(COUNTERS.map(([key, words]) => [key, new Figure(words)]));
     this.list = make("ul", { class: "controllers" });
     /** @type {Map<string, ControllerRow>} */
     this.controllers = new Map();
@@ -55,14 +60,9 @@ export class LineCard {
     this.element = make(
       "article",
       { class: "card line" },
-      make("header", { class: "card-head" }, make("h3", {}, make("span", { class: "unseen", text: `${t("Line")} ` }), make("span", { text: name })), this.state),
+      make("header", { class: "card-head" }, heading(t("Line"), name), this.state.element),
       this.drives,
-      make(
-        "dl",
-        { class: "counts" },
-        make("div", {}, make("dt", { text: t("Exchanges/s") }), this.rate),
-        ...COUNTERS.map(([key, words]) => make("div", {}, make("dt", { text: words }), this.counters.get(key) ?? null)),
-      ),
+      make("dl", { class: "counts" }, ...[this.rate, ...this.counters.values()].map((figure) => figure.element)),
       this.list,
     );
   }
@@ -75,16 +75,14 @@ export class LineCard {
    */
   show(line, now, isKnown, troubles) {
     const state = isKnown ? stateOfLine(line, this.troublesOf(troubles)) : UNKNOWN;
-    setAttribute(this.state, "class", `state ${state.tone}`);
+    this.state.show(state);
     setAttribute(this.element, "data-tone", state.tone);
-    setSign(this.stateSign, state.sign);
-    setText(this.stateWords, state.words);
     const failure = line.drives.failure ? `: ${line.drives.failure}` : "";
     setText(this.drives, t("Drives at {address}{failure}", { address: line.drives.address, failure }));
     const rate = this.rateOf(line.exchanges, now);
-    setText(this.rate, rate === null ? NOT_KNOWN : rate < 10 ? rate.toFixed(1) : count(Math.round(rate)));
-    for (const [key, cell] of this.counters) {
-      this.showCounter(key, cell, line[key] ?? 0, now);
+    this.rate.show(rate === null ? NOT_KNOWN : rounded(rate, 10));
+    for (const [key, figure] of this.counters) {
+      this.showCounter(key, figure, line[key] ?? 0, now);
     }
     const byName = new Map(line.controllers.map((controller) => [controller.name, controller]));
     keepChildren(this.list, this.controllers, [...byName.keys()], () => new ControllerRow(), (row) => row.element);
@@ -128,21 +126,21 @@ export class LineCard {
 
   /**
    * @param {Counter} key
-   * @param {HTMLElement} cell
+   * @param {Figure} figure
    * @param {number} value
    * @param {number} now
    */
-  showCounter(key, cell, value, now) {
+  showCounter(key, figure, value, now) {
     const last = this.last.get(key) ?? { value, changed: -Infinity };
     if (value > last.value) {
       last.changed = now;
     }
     last.value = value;
     this.last.set(key, last);
-    setText(cell, count(value));
+    figure.show(count(value));
     const isFresh = now - last.changed < FRESH_MS;
-    setAttribute(cell, "class", isFresh ? "fresh" : value ? "some" : "");
-    setAttribute(cell, "title", isFresh ? t("more within the last minute") : t("since the start of the gateway"));
+    setAttribute(figure.value, "class", isFresh ? "fresh" : value ? "some" : "");
+    setAttribute(figure.value, "title", isFresh ? t("more within the last minute") : t("since the start of the gateway"));
   }
 }
 
@@ -152,7 +150,6 @@ class ControllerRow {
     this.name = make("strong");
     this.role = make("span", { class: "quiet" });
     this.state = make("span", { class: "controller-state" });
-    this.times = make("span", { class: "quiet" });
     this.address = make("span", { class: "quiet address" });
     this.element = make("li", {}, this.sign, make("p", {}, this.name, this.role, this.state, this.address));
   }
@@ -167,8 +164,7 @@ class ControllerRow {
     const isUp = connections === undefined ? controller.state === "up" : connections.length > 0;
     const isWrong = connections === undefined && !isUp;
     const state = !isKnown ? UNKNOWN : isWrong ? BROKEN : trouble ? OF_SEVERITY[trouble.severity] ?? BROKEN : isUp ? GOOD : AWAY;
-    setSign(this.sign, state.sign);
-    setAttribute(this.sign, "class", `sign ${state.tone}`);
+    setSign(this.sign, state.sign, state.tone);
     setText(this.name, controller.name);
     setText(this.role, controller.tls ? t("by certificate") : t(controller.role));
     const isGarbled = trouble?.kind === "controller-garbled";
@@ -183,7 +179,7 @@ class ControllerRow {
 /**
  * @param {Line} line
  * @param {import("./model.js").Trouble[]} troubles of this line, worst first
- * @returns {import("./words.js").State}
+ * @returns {State}
  */
 function stateOfLine(line, troubles) {
   if (line.state !== "up") {

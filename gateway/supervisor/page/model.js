@@ -1,52 +1,16 @@
 // @ts-check
-// What the gateway says, as types. The names are those of the status model.
+// What the gateway says, as types. The names are those of the status model; the type of a part that one script
+// shows stands there.
 
 /**
+ * @typedef {import("./axis_card.js").Axis} Axis
+ * @typedef {import("./line_cards.js").Line} Line
+ *
  * @typedef {{ p50: number | null, p99: number | null, p999: number | null, max: number, max_minute: number,
  *             below?: number[] }} Times microseconds; `below` counts up to each bound, and all
  *
- * @typedef {{ file: string | null, line: number | null, column: number | null, key: string, found: string,
- *             remedy: string }} Problem
- *
- * @typedef {{ file: string | null, format: string | null, compiled: string | null, points: number,
- *             status: string, error: string | null, loaded_at: string | null, problems?: Problem[] }} TableState
- *
- * @typedef {{ state: string, celsius: number | null, age_s: number | null, difference: number,
- *             correction: number | null, is_silent: boolean }} ThermalTerm
- *
- * @typedef {{ state: string, axes: string[], correction: number | null }} CrossTerm
- *
- * @typedef {{ correction: number | null, is_too_large: boolean, thermal?: ThermalTerm,
- *             cross?: CrossTerm }} Terms what is added to the table; corrections in the unit of the axis
- *
- * @typedef {{ compensation: string, units: string, direction: string, correction: number | null,
- *             gain: { forward: number, backward: number }, travel: [number, number] | null,
- *             nominal_setpoint: number | null, corrected_setpoint: number | null,
- *             nominal_actual: number | null, corrected_actual: number | null, table: TableState,
- * *             writer?: string | null, terms?: Terms | null, verdict: AxisVerdict, position: Position,
- *             latency: { gateway_us: Times, budget_us: number, budget_overruns: number,
- *                        is_over_budget: boolean } }} Axis
- *
- * @typedef {{ name: string, role: string, address: string | string[], connections?: string[], state?: string,
- *             failure?: string, asked_s?: number | null, silent_s?: number, gateway_us: Times,
- *             tls?: { sessions?: { subject: string, certified: string }[] } }} Controller
- *
- * @typedef {{ silent_s: number | null, answered_s: number | null }} Drive
- *
- * @typedef {{ state: string, exchanges: number, timeouts: number, crc_errors: number, exceptions: number,
- *             late: number, refused?: number, unit_ids?: { axes: Record<string, number>, drives?: Record<string, Drive> },
- *             budget_overruns?: number, gateway_us: Times, controllers: Controller[],
- *             drives: { address: string, failure: string } }} Line
- *
  * @typedef {{ state: string, since: string, errors: number, warnings: number }} Verdict how the gateway is: healthy,
  *             waiting, warning or error
- *
- * @typedef {{ state: string, kind: string, title: string, since: string }} AxisVerdict the same of an axis; `title` is
- *             empty where the state of the compensation says it
- *
- * @typedef {{ of: string | null, nominal: number | null, corrected: number | null, age_s: number | null,
- *             is_at_least: boolean }} Position what is known best of where an axis is: a reading, the last reading or
- *             the target; null: nothing
  *
  * @typedef {{ kind: string, severity: string, where: string, what: string, remedy: string, since?: string,
  *             says?: import("./language.js").Said, axes?: string[], acknowledged?: { by: string, at: string } | null }} Trouble

@@ -3,10 +3,11 @@
 
 import { AxisCard } from "./axis_card.js";
 import { Banner } from "./banner.js";
-import { byId, keepChildren, make, setAttribute, setText, show, sign } from "./dom.js";
+import { byId, keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
 import { EventList } from "./event_list.js";
 import { span } from "./figures.js";
 import { Frames } from "./frames.js";
+import { keep } from "./kept.js";
 import { Latency } from "./latency.js";
 import { LineCard } from "./line_cards.js";
 import { isFresh } from "./model.js";
@@ -14,6 +15,7 @@ import { showSession } from "./session.js";
 import { Sound } from "./sound.js";
 import { Stream } from "./stream.js";
 import { Tables } from "./tables.js";
+import { counted } from "./words.js";
 import { offerLanguages, t } from "./language.js";
 
 /** @typedef {import("./model.js").Model} Model */
@@ -132,7 +134,7 @@ class Page {
     if (!isLost && this.model !== null) {
       setAttribute(document.body, "data-link", relay === null ? "live" : "relay");
     }
-    setAttribute(this.linkSign.children[0], "href", isLost || relay ? "#i-error" : this.model ? "#i-ok" : "#i-wait");
+    setSign(this.linkSign, isLost || relay ? "error" : this.model ? "ok" : "wait");
     const ofRelay = relay === "up" ? t("Relay silent: it may not obey") : t("Relay down: nothing passes");
     setText(this.linkWords, isLost ? t("No connection") : relay ? ofRelay : this.model ? t("Live") : t("Connecting"));
   }
@@ -159,11 +161,7 @@ class Page {
 function contentsOf(model) {
   const axes = Object.keys(model.axes).length;
   const lines = Object.keys(model.lines).length;
-  const parts = [`${lines} ${lines === 1 ? t("line") : t("lines")}`];
-  if (axes) {
-    parts.push(`${axes} ${axes === 1 ? t("axis") : t("axes")}`);
-  }
-  return parts.join(", ");
+  return [counted(lines, t("line"), t("lines")), axes ? counted(axes, t("axis"), t("axes")) : ""].filter(Boolean).join(", ");
 }
 
 /** The switch for light and dark, which this browser remembers. */
@@ -183,11 +181,7 @@ function offerColours() {
     } else {
       root.dataset.theme = next;
     }
-    try {
-      localStorage.setItem("pitch-gateway-colours", next);
-    } catch {
-      // A browser that keeps nothing: the choice holds until the page is left.
-    }
+    keep("colours", next); // read by theme.js
     showChoice();
   });
   showChoice();

@@ -5,33 +5,31 @@
 import { make, setAttribute, setText, show } from "./dom.js";
 
 /**
- * What can be read in a drawing.
- * @typedef {{ stops: () => number, nearest: (share: number) => number, mark: (index: number | null) => string }} Readable
+ * A drawing that can be read.
+ * @typedef {{ element: Element, stops: () => number, nearest: (share: number) => number,
+ *             markAt: (index: number | null) => string }} Readable
  * `stops`: how many places have values; `nearest`: which of them is where so much of the width is to the left;
- * `mark`: show one, or none, and return its values in words
+ * `markAt`: show one, or none, and return its values in words
  */
 
 export class Pointer {
   /**
-   * @param {Element} drawing
-   * @param {Readable} readable
+   * @param {Readable} drawing
    * @param {string} name what a screen reader calls the slider
    */
-  constructor(drawing, readable, name) {
-    this.readable = readable;
+  constructor(drawing, name) {
+    this.drawing = drawing;
     /** @type {number | null} which place is marked */
     this.at = null;
     this.words = make("p", { class: "pointer-words", "aria-hidden": "true", hidden: "" });
     this.slider = /** @type {HTMLInputElement} */ (
       make("input", { class: "pointer-slider", type: "range", min: "0", max: "0", step: "1", "aria-label": name })
     );
-    drawing.addEventListener("pointermove", (event) => this.point(drawing, /** @type {PointerEvent} */ (event)));
-    drawing.addEventListener("pointerdown", (event) => this.point(drawing, /** @type {PointerEvent} */ (event)));
-    drawing.addEventListener("pointerleave", () => this.set(null));
-    this.slider.addEventListener("focus", () => {
-      setAttribute(this.slider, "max", String(Math.max(0, readable.stops() - 1)));
-      this.set(Math.min(Number(this.slider.value), readable.stops() - 1));
-    });
+    for (const kind of ["pointermove", "pointerdown"]) {
+      drawing.element.addEventListener(kind, (event) => this.point(/** @type {PointerEvent} */ (event)));
+    }
+    drawing.element.addEventListener("pointerleave", () => this.set(null));
+    this.slider.addEventListener("focus", () => this.set(Number(this.slider.value)));
     this.slider.addEventListener("input", () => this.set(Number(this.slider.value)));
     this.slider.addEventListener("blur", () => this.set(null));
     this.slider.addEventListener("keydown", (event) => {
@@ -41,22 +39,19 @@ export class Pointer {
     });
   }
 
-  /**
-   * @param {Element} drawing
-   * @param {PointerEvent} event
-   */
-  point(drawing, event) {
-    const { left, width } = drawing.getBoundingClientRect();
-    if (width > 0 && this.readable.stops() > 0) {
-      this.set(this.readable.nearest((event.clientX - left) / width));
+  /** @param {PointerEvent} event */
+  point(event) {
+    const { left, width } = this.drawing.element.getBoundingClientRect();
+    if (width > 0 && this.drawing.stops() > 0) {
+      this.set(this.drawing.nearest((event.clientX - left) / width));
     }
   }
 
   /** @param {number | null} index */
   set(index) {
-    const stops = this.readable.stops();
+    const stops = this.drawing.stops();
     this.at = index === null || stops === 0 ? null : Math.max(0, Math.min(index, stops - 1));
-    const words = this.readable.mark(this.at);
+    const words = this.drawing.markAt(this.at);
     show(this.words, this.at !== null);
     setText(this.words, words);
     if (this.at !== null) {

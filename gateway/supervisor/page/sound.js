@@ -3,9 +3,9 @@
 // lets a page make a sound only after a click or a key.
 
 import { byId, setAttribute, setText } from "./dom.js";
+import { keep, kept } from "./kept.js";
 import { t } from "./language.js";
 
-const KEPT = "pitch-gateway-sound";
 const TONES_HZ = [880, 660];
 const TONE_S = 0.18;
 const LOUDNESS = 0.25;
@@ -20,7 +20,7 @@ export class Sound {
     /** @type {Set<string> | null} alarms that were there before; null: nothing has come yet */
     this.heard = null;
     this.isLost = false;
-    this.isOn = remembered();
+    this.isOn = kept("sound") === "on";
     this.button.addEventListener("click", () => this.turn(!this.isOn));
     for (const kind of ["pointerdown", "keydown"]) {
       document.addEventListener(kind, () => this.allow());
@@ -31,11 +31,7 @@ export class Sound {
   /** @param {boolean} isOn */
   turn(isOn) {
     this.isOn = isOn;
-    try {
-      localStorage.setItem(KEPT, isOn ? "on" : "off");
-    } catch {
-      // A browser that keeps nothing: the choice holds until the page is left.
-    }
+    keep("sound", isOn ? "on" : "off");
     this.allow();
     if (isOn) {
       this.play(1); // so sounds it
@@ -97,13 +93,5 @@ export class Sound {
       tone.start(begin);
       tone.stop(begin + TONE_S);
     }
-  }
-}
-
-function remembered() {
-  try {
-    return localStorage.getItem(KEPT) === "on";
-  } catch {
-    return false;
   }
 }

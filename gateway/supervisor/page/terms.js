@@ -1,40 +1,43 @@
 // @ts-check
 // What temperature and other axes add to the table of an axis: a line for each, and how well it is known.
 
-import { make, setAttribute, setSign, setText, show, sign } from "./dom.js";
-import { NOT_KNOWN, fixed, scaleOf, span } from "./figures.js";
+import { Figure, SignedWords, setAttribute, setText, show } from "./dom.js";
+import { NOT_KNOWN, correctionText, fixed, scaleOf, span } from "./figures.js";
 import { otherAxes, sensor } from "./words.js";
 import { t } from "./language.js";
 
 /**
- * @typedef {import("./model.js").Terms} TermsOf
  * @typedef {import("./figures.js").Scale} Scale
+ *
+ * @typedef {{ state: string, celsius: number | null, age_s: number | null, difference: number,
+ *             correction: number | null, is_silent: boolean }} ThermalTerm
+ *
+ * @typedef {{ state: string, axes: string[], correction: number | null }} CrossTerm
+ *
+ * @typedef {{ correction: number | null, is_too_large: boolean, thermal?: ThermalTerm,
+ *             cross?: CrossTerm }} TermsOf what is added to the table; corrections in the unit of the axis
  */
 
 /** One line: a name, what is added, and below it a word where that is not what it should be. */
-class Row {
+class Row extends Figure {
   constructor() {
-    this.name = make("dt");
-    this.added = make("dd");
-    this.sign = sign("wait");
-    this.words = make("span");
-    this.state = make("dd", { class: "term-state" }, this.sign, this.words);
-    this.element = make("div", { class: "term" }, this.name, this.added, this.state);
+    super();
+    this.state = new SignedWords("dd", "term-state state");
+    this.element.append(this.state.element);
+    setAttribute(this.element, "class", "term");
   }
 
   /**
    * @param {string} name
-   * @param {string} added
+   * @param {string | null} added null: the line is not shown
    * @param {import("./words.js").State | null} state null: there is nothing to say
    */
-  show(name, added, state) {
+  say(name, added, state) {
     setText(this.name, name);
-    setText(this.added, added);
-    show(this.state, state !== null);
-    setText(this.words, state?.words ?? "");
+    this.show(added);
+    show(this.state.element, state !== null);
     if (state !== null) {
-      setAttribute(this.state, "class", `term-state state ${state.tone}`);
-      setSign(this.sign, state.sign);
+      this.state.show(state);
     }
   }
 }
@@ -62,19 +65,15 @@ export class Terms {
       const degrees = celsius === null ? "" : `${fixed(celsius, 1)}\u202f°C`;
       const silence = age === null ? "" : t(" for {span}", { span: span(age) });
       const state = sensor(thermal.state, thermal.is_silent, celsius !== null, silence, isAdded(correction));
-      this.thermal.show(t("Temperature"), words(degrees, adds(correction, scale)), state);
+      this.thermal.say(t("Temperature"), words(degrees, adds(correction, scale)), state);
     }
     show(this.cross.element, Boolean(cross));
     if (cross) {
       const name = `${cross.axes.length === 1 ? t("Axis") : t("Axes")} ${cross.axes.join(", ")}`;
-      this.cross.show(name, words(adds(cross.correction, scale)), otherAxes(cross.state, isAdded(cross.correction)));
+      this.cross.say(name, words(adds(cross.correction, scale)), otherAxes(cross.state, isAdded(cross.correction)));
     }
-    show(this.limit.element, Boolean(terms?.is_too_large));
-    this.limit.show(t("Limit"), t("reached"), {
-      words: t("at max_correction: not followed"),
-      sign: "warning",
-      tone: "warning",
-    });
+    const isTooLarge = { words: t("at max_correction: not followed"), sign: "warning", tone: "warning" };
+    this.limit.say(t("Limit"), terms?.is_too_large ? t("reached") : null, isTooLarge);
   }
 }
 
@@ -88,11 +87,7 @@ function isAdded(correction) {
  * @param {Scale} scale
  */
 function adds(correction, scale) {
-  return correction === null
-    ? ""
-    : t("adds {correction}", {
-        correction: `${fixed(correction * scale.perUnit, scale.smallDecimals, true)}\u202f${scale.small}`,
-      });
+  return correction === null ? "" : t("adds {correction}", { correction: correctionText(correction, scale) });
 }
 
 /** @param {...string} parts */

@@ -103,20 +103,18 @@ const EVENTS = {
   "temperature-not-read": t("Temperature not read"),
 };
 
-/** @param {string} state @returns {State} */
-export function compensation(state) {
-  return COMPENSATION[state] ?? { words: state, sign: "info", tone: "note" };
+/**
+ * From a state to its words; one that has none is shown as it is called.
+ * @param {Record<string, State>} states
+ */
+function among(states) {
+  return (/** @type {string} */ state) => states[state] ?? { words: state, sign: "info", tone: "note" };
 }
 
-/** @param {string} state @returns {State} */
-export function verdict(state) {
-  return VERDICT[state] ?? { words: state, sign: "info", tone: "note" };
-}
-
-/** @param {string} state @returns {State} */
-export function table(state) {
-  return TABLE[state] ?? { words: state, sign: "info", tone: "note" };
-}
+export const compensation = among(COMPENSATION);
+export const verdict = among(VERDICT);
+export const table = among(TABLE);
+const otherAxesState = among(OTHER_AXES);
 
 /** @param {string} direction */
 export function direction(direction) {
@@ -157,13 +155,23 @@ export function otherAxes(state, isAdded) {
   if (state === "following") {
     return null;
   }
-  const found = OTHER_AXES[state] ?? { words: state, sign: "info", tone: "note" };
+  const found = otherAxesState(state);
   return state === "faded" && isAdded ? { ...found, words: t("place not known: {state}", { state: GOING }) } : found;
 }
 
 /** @param {string} event */
 export function event(event) {
   return EVENTS[event] ?? capital(event.replaceAll("-", " "));
+}
+
+/**
+ * A number of things, as `1 line` or `2 lines`.
+ * @param {number} count
+ * @param {string} one
+ * @param {string} more
+ */
+export function counted(count, one, more) {
+  return `${count} ${count === 1 ? one : more}`;
 }
 
 /** @param {string} text */

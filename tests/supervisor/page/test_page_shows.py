@@ -220,7 +220,7 @@ def test_ten_minutes_of_position_and_correction_are_drawn(visit: Visit) -> None:
     visit.until(f"/M.*M/.test({path_of})", True)
     path = visit.page.locator(".history-position").get_attribute("d") or ""
     (first, low), (second, high) = (part.split(" ") for part in path[1:].split("L")[0].split("M")[:2])
-    assert (low, high) == ("55.0", "5.0")
+    assert (float(low), float(high)) == (55.0, 5.0)
     assert float(second) - float(first) == pytest.approx(200.0, abs=0.15)
     assert 300.0 - 60.0 < float(first) <= 300.0  # a busy machine draws late
     words = visit.page.locator("article.axis .history desc").text_content()
