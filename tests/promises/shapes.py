@@ -108,12 +108,12 @@ def _documents() -> Iterator[tuple[str, str]]:
                 if not line.startswith("#"):
                     yield f"metric {name.split()[0]}", ""
                     yield from ((f"metric {name.split()[0]} {label}", "") for label in LABEL.findall(labels))
-            for topic, text in desk.topics().items():
+            for topic, said in desk.topics().items():
                 if "/command/" in topic:  # these are what was asked
                     continue
-                if topic.endswith("/event"):
-                    text = [each for each in text if each["event"] in EVENTS]
-                yield from shape_of(f"MQTT {_of_any(topic)}", text)
+                is_event = topic.endswith("/event")
+                shown = [each for each in said if each["event"] in EVENTS] if is_event else said
+                yield from shape_of(f"MQTT {_of_any(topic)}", shown)
 
 
 def _of_any(topic: str) -> str:
