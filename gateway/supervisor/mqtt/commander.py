@@ -11,10 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
-import aiomqtt
-from paho.mqtt.packettypes import PacketTypes
-from paho.mqtt.properties import Properties
-from paho.mqtt.reasoncodes import ReasonCode
+from paho.mqtt.client import MQTTMessage
 
 from gateway.catalogue.entry import Severity
 from gateway.catalogue.publishing_events import MQTT_COMMAND, MQTT_COMMAND_IGNORED, MQTT_COMMANDS_TOO_MANY
@@ -23,21 +20,18 @@ from gateway.supervisor.mqtt.commands import (
     BURST,
     PER_S,
     Answer,
-    Orders,
     carry_out,
     disabled_axes,
     shown_payload,
 )
-from gateway.supervisor.mqtt.messages import encode
+from gateway.supervisor.mqtt.connection import BrokerError, Connection, encode
+from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.topics import COMMANDS, Topics
 from gateway.supervisor.saying import Say
 from gateway.times import NS_PER_S
 
 LONGEST_SHOWN: Final = 256
 """Of a topic that a stranger chose."""
-FAILURE: Final = 0x80
-"""From here on a reason code says no (MQTT 5.0, 2.4; MQTT 3.1.1, 3.9.3)."""
-
 TELL_AFTER_S: Final = 2.0
 """So long after a command that came too soon is told what became of it and of those after it."""
 
@@ -52,9 +46,10 @@ MOST_WAITING: Final = 1024
 class _Waiting:
     """A command that came and is not answered yet."""
 
-    client: aiomqtt.Client
-    message: aiomqtt.Message
+    connection: Connection
+    message: MQTTMessage
     command: str
+    payload: bytes
     disables: frozenset[str] | None
     """The axes that it switches off; None for every other command."""
     missed: int = 0
@@ -66,7 +61,7 @@ class _Waiting:
 
     @property
     def shown(self) -> str:
-        return f"{self.command[:64]} {shown_payload(self.message.payload)}".strip()
+        return f"{self.command[:64]} {shown_payload(self.payload)}".strip()
 
 
 class Commander:
@@ -87,22 +82,16 @@ class Commander:
         self._last_of_them = ""
         self._retained_seen: set[str] = set()
 
-    async def subscribe(self, client: aiomqtt.Client) -> str | None:
-        """Ask for commands; returns why the broker does not let us, None when it does."""
-        granted = await client.subscribe(self._topics.commands, qos=1)
-        if all((code.value if isinstance(code, ReasonCode) else code) < FAILURE for code in granted):
-            return None
-        return f"the broker does not let the gateway read {self._topics.commands}: allow it in its ACL"
-
-    def take(self, client: aiomqtt.Client, message: aiomqtt.Message) -> None:
+    def take(self, connection: Connection, message: MQTTMessage) -> None:
         """Have a command carried out in its turn, or say that it is not. Does not block."""
-        command = self._topics.command_in(message.topic.value)
+        command = self._topics.command_in(message.topic)
         if message.retain:
-            self._ignore_retained(command, message.topic.value)
+            self._ignore_retained(command, message.topic)
             return
-        axes = disabled_axes(command, message.payload)
+        payload = bytes(message.payload)
+        axes = disabled_axes(command, payload)
         now_ns = int(asyncio.get_running_loop().time() * NS_PER_S)
-        entry = _Waiting(client, message, command, axes, missed=self._missed)
+        entry = _Waiting(connection, message, command, payload, axes, missed=self._missed)
         if axes is not None and (same := self._same_waiting(axes)) is not None:
             same.repeated += 1
         elif len(self._waiting) < MOST_WAITING if axes is not None else self._rate.takes(now_ns):
@@ -138,7 +127,7 @@ class Commander:
                 continue
             answer = each.answer
             if answer is None:
-                answer = await carry_out(each.command, each.message.payload, self._orders)
+                answer = await carry_out(each.command, each.payload, self._orders)
             await self._answer(each, answer)
 
     async def finish(self) -> None:
@@ -189,11 +178,9 @@ class Commander:
         topic = getattr(entry.message.properties, "ResponseTopic", None)
         if topic is None or not self._may_answer(topic):
             return
-        properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
-        if (correlation := getattr(entry.message.properties, "CorrelationData", None)) is not None:
-            properties.CorrelationData = correlation
-        with contextlib.suppress(aiomqtt.MqttError):  # the connection has gone, and the event is told
-            await entry.client.publish(topic, encode(data), qos=1, properties=properties)
+        correlation = getattr(entry.message.properties, "CorrelationData", None)
+        with contextlib.suppress(BrokerError):  # the connection has gone, and the event is told
+            await entry.connection.publish(topic, encode(data), qos=1, correlation=correlation)
 
     def _may_answer(self, topic: str) -> bool:
         """Not under our own topics: answers would be status, or commands that are answered again."""

@@ -1,7 +1,6 @@
 """What may be asked over MQTT: to reload, to switch compensation on and off, to set gains. Nothing moves."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Final, Literal
 
@@ -9,9 +8,9 @@ import msgspec
 
 from gateway.exchange.commands import Disable, Enable, SetGain, Share
 from gateway.ipc.client import NoGatewayError
-from gateway.ipc.messages import Done, Reply, Request
+from gateway.ipc.messages import Done, Request
+from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.topics import COMMANDS
-from gateway.supervisor.outcome import Outcome
 
 LONGEST_PAYLOAD: Final = 4096
 LONGEST_SHOWN: Final = 200
@@ -61,16 +60,6 @@ _RULES: Final = {
     "switch": 'allowed: {"axes": ["x"], "on": true or false}, or "axes": "all"',
     "gain": 'allowed: {"axes": ["x"], "forward": 0 to 1, "backward": 0 to 1}, or "axes": "all"',
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Orders:
-    """What commands are carried out with."""
-
-    reload: Callable[[], Awaitable[Outcome]]
-    """Read configuration and tables anew."""
-    ask: Callable[[Request], Reply]
-    """Ask the relay; blocks. Raises NoGatewayError."""
 
 
 @dataclass(slots=True)

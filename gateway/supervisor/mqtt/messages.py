@@ -1,25 +1,9 @@
 """What is published: parts of the status model, each under its topic, as JSON."""
 
-from collections.abc import Mapping
-from typing import Any, Final
-
-import msgspec
-
+from gateway.supervisor.mqtt.interfaces import Payload
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.mqtt.topics import Topics
 from gateway.supervisor.trouble import is_fresh
-
-ONLINE: Final = b"online"
-OFFLINE: Final = b"offline"
-
-Payload = Mapping[str, Any]
-
-_encoder: Final = msgspec.json.Encoder(enc_hook=str)
-
-
-def encode(payload: object) -> bytes:
-    """Return a payload as JSON; numbers that JSON does not know are null."""
-    return _encoder.encode(payload)
 
 
 def is_known(model: Payload) -> bool:

@@ -4,21 +4,17 @@ import asyncio
 import time
 from typing import Final
 
-import aiomqtt
-
 from gateway.catalogue.publishing_events import MQTT_TOPICS_NOT_NOTED
+from gateway.supervisor.mqtt.connection import ONLINE, Connection, encode
 from gateway.supervisor.mqtt.discovery import discovery_messages
+from gateway.supervisor.mqtt.interfaces import Outbox, Payload
 from gateway.supervisor.mqtt.messages import (
-    ONLINE,
-    Payload,
-    encode,
     is_known,
     moving_message,
     moving_topics,
     retained_messages,
     without_words,
 )
-from gateway.supervisor.mqtt.outbox import Outbox
 from gateway.supervisor.mqtt.retained import Ledger
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.saying import Say
@@ -41,7 +37,7 @@ class Sender:
 
     def __init__(
         self,
-        client: aiomqtt.Client,
+        connection: Connection,
         settings: Settings,
         *,
         outbox: Outbox,
@@ -49,7 +45,7 @@ class Sender:
         tally: Tally,
         say: Say,
     ) -> None:
-        self._client = client
+        self._connection = connection
         self._settings = settings
         self._outbox = outbox
         self._ledger = ledger
@@ -59,11 +55,13 @@ class Sender:
         self._told_s: dict[str, float] = {}
 
     async def run(self) -> None:
-        """Publish until the connection is lost, which raises MqttError."""
+        """Publish until the connection is lost, which raises BrokerError."""
+        lost = self._connection.lost
+        lost.add_done_callback(lambda _: self._outbox.wake())
         await self._publish(self._settings.topics.availability, ONLINE, qos=1, retain=True)
         loop = asyncio.get_running_loop()
         due_s = loop.time()
-        while True:
+        while not lost.done():
             await self._send_events()
             if self._outbox.model is not None:
                 await self._send_retained(self._outbox.model)
@@ -71,6 +69,7 @@ class Sender:
                     await self._send_moving(self._outbox.model)
                     due_s = max(due_s + self._settings.interval_s, loop.time())
             await self._outbox.wait(max(0.0, due_s - loop.time()))
+        raise lost.result()
 
     async def _send_events(self) -> None:
         while (event := self._outbox.event) is not None:
@@ -123,5 +122,5 @@ class Sender:
                 await self._publish(topic, encode(payload))
 
     async def _publish(self, topic: str, payload: bytes, *, qos: int = 0, retain: bool = False) -> None:
-        await self._client.publish(topic, payload, qos=qos, retain=retain)
+        await self._connection.publish(topic, payload, qos=qos, retain=retain)
         self._tally.published += 1
