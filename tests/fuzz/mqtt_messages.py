@@ -19,10 +19,10 @@ from gateway.catalogue.entry import EventEntry, Severity
 from gateway.exchange.commands import Disable, Enable, SetGain
 from gateway.ipc.client import NobodyListensError
 from gateway.ipc.messages import Done, Reply, Request
-from gateway.supervisor.mqtt.commander import Commander
+from gateway.supervisor.mqtt.commands import Commander
 from gateway.supervisor.mqtt.connection import encode
 from gateway.supervisor.mqtt.interfaces import Orders
-from gateway.supervisor.mqtt.topics import COMMANDS, Topics
+from gateway.supervisor.mqtt.settings import COMMANDS, Topics
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.temperatures import LARGEST, WrongTemperatureError, read_payload
 from tests.fuzz.script import Script, said

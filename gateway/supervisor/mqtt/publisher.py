@@ -9,12 +9,11 @@ from paho.mqtt.client import MQTTMessage
 
 from gateway.backoff import Backoff
 from gateway.catalogue.publishing_events import MQTT_COMMANDS_NOT_HEARD, MQTT_CONNECTED, MQTT_LOST
-from gateway.supervisor.mqtt.commander import Commander
+from gateway.supervisor.mqtt.commands import Commander
 from gateway.supervisor.mqtt.connection import Connection, connected
 from gateway.supervisor.mqtt.interfaces import Hear, Orders, Outbox
 from gateway.supervisor.mqtt.reasons import is_cut, taken_over, why
-from gateway.supervisor.mqtt.retained import RETAINED_NAME, Ledger
-from gateway.supervisor.mqtt.sending import Sender, Tally
+from gateway.supervisor.mqtt.sending import RETAINED_NAME, Ledger, Sender, Tally
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.saying import Say
 

@@ -230,7 +230,7 @@ async def test_with_version_5_the_answer_goes_where_the_asker_wants_it(tmp_path:
 
 
 async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.supervisor.mqtt.commander.PER_S", 1e-6)
+    monkeypatch.setattr("gateway.supervisor.mqtt.commands.PER_S", 1e-6)
     with broker_in(tmp_path) as broker:
         given = settings(broker.port, tmp_path, commands=True)
         async with publishing(given, tmp_path) as site, watching(broker.port, f"{ROOT}/event") as watcher:

@@ -15,7 +15,7 @@ from gateway.exchange.commands import Disable, Enable
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.supervisor.mqtt.discovery import TABLE, UNITS, discovery_messages
 from gateway.supervisor.mqtt.interfaces import Payload
-from gateway.supervisor.mqtt.messages import moving_message, moving_topics, retained_messages
+from gateway.supervisor.mqtt.sending import moving_message, moving_topics, retained_messages
 from gateway.supervisor.mqtt.settings import Settings
 from tests.mosquitto import broker_in, payload_of, watching
 from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, data_of, model, publishing, settings, terms
