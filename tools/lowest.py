@@ -16,8 +16,8 @@ FLOOR: Final = re.compile(r"([\w.-]+)(?:\[[\w,-]+\])?>=([\w.]+)")
 def lowest(requirements: Iterable[str]) -> list[str]:
     """Return a pin to its lowest version for each requirement that has one.
 
-    >>> lowest(["h11>=0.16.0", "aiomqtt>=2.4.0,<3", "pymodbus[serial]>=3.16.1", "types-pyyaml"])
-    ['h11==0.16.0', 'aiomqtt==2.4.0', 'pymodbus==3.16.1']
+    >>> lowest(["h11>=0.16.0", "pydantic>=2.10.0,<3", "pymodbus[serial]>=3.16.1", "types-pyyaml"])
+    ['h11==0.16.0', 'pydantic==2.10.0', 'pymodbus==3.16.1']
     """
     return [f"{found[1]}=={found[2]}" for each in requirements if (found := FLOOR.match(each))]
 

@@ -43,7 +43,7 @@ from gateway.supervisor.http.documents import Window, settings_in
 from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.link import Link
 from gateway.supervisor.model import whole_model
-from gateway.supervisor.mqtt.commands import Orders
+from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.service import MqttService
 from gateway.supervisor.mqtt.settings import settings_of
 from gateway.supervisor.outcome import Outcome

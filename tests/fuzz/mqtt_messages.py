@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, Final
 
-import aiomqtt
+from paho.mqtt.client import MQTTMessage
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
@@ -19,10 +19,10 @@ from gateway.catalogue.entry import EventEntry, Severity
 from gateway.exchange.commands import Disable, Enable, SetGain
 from gateway.ipc.client import NobodyListensError
 from gateway.ipc.messages import Done, Reply, Request
-from gateway.supervisor.mqtt.commander import Commander
-from gateway.supervisor.mqtt.commands import Orders
-from gateway.supervisor.mqtt.messages import encode
-from gateway.supervisor.mqtt.topics import COMMANDS, Topics
+from gateway.supervisor.mqtt.commands import Commander
+from gateway.supervisor.mqtt.connection import encode
+from gateway.supervisor.mqtt.interfaces import Orders
+from gateway.supervisor.mqtt.settings import COMMANDS, Topics
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.temperatures import LARGEST, WrongTemperatureError, read_payload
 from tests.fuzz.script import Script, said
@@ -33,7 +33,7 @@ RETAINED, ANSWERED, ALONE, SENSOR = 1, 2, 4, 8
 
 @dataclass
 class Broker:
-    """Keeps what is published; the client of the library has a broker for it."""
+    """Keeps what is published; a connection has a broker for it."""
 
     published: list[tuple[str, bytes]] = field(default_factory=list)
 
@@ -88,9 +88,9 @@ async def _command(kind: int, command: str, answers_to: str, payload: bytes) -> 
     if kind & ANSWERED:
         properties.ResponseTopic = answers_to
         properties.CorrelationData = payload[:8]
-    message = aiomqtt.Message(
-        f"{TOPICS.root}/command/{command}", payload, 1, bool(kind & RETAINED), 1, properties
-    )
+    message = MQTTMessage(1, f"{TOPICS.root}/command/{command}".encode())
+    message.payload, message.qos, message.retain = payload, 1, bool(kind & RETAINED)
+    message.properties = properties
     broker = Broker()
     commander = Commander(TOPICS, Orders(reload, ask), say)
     commander.take(broker, message)  # type: ignore[arg-type]

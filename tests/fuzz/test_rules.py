@@ -10,7 +10,7 @@ from gateway.exchange.line import LineExchange
 from gateway.modbus.mbap import MbapDecoder
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder
 from gateway.supervisor.http.login import Access
-from gateway.supervisor.mqtt.commander import Commander
+from gateway.supervisor.mqtt.commands import Commander
 from tests.exchange.line_bench import write
 from tests.fuzz import configuration, exchange, http_requests, line, mbap, mqtt_messages, rtu
 from tests.fuzz.script import said

@@ -63,7 +63,7 @@ def test_what_cannot_be_installed_is_told_in_one_sentence_and_leaves_nothing(poo
 
     # No network.
     said = poor.does(f"unshare --net {INSTALL} --pure install", expected=1)
-    assert said.startswith("environment.sh: aiomqtt==")
+    assert said.startswith("environment.sh: annotated-doc==")
     assert said.endswith(
         " cannot be fetched. Is there a network? Without one: --find-links DIR, with all packages in DIR "
         f"(docs/install.md)\n{UNCHANGED}"

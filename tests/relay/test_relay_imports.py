@@ -7,7 +7,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 UNWANTED = (
-    *("pydantic", "pymodbus", "aiomqtt", "paho", "starlette", "uvicorn", "prometheus_client", "matplotlib"),
+    *("pydantic", "pymodbus", "paho", "starlette", "uvicorn", "prometheus_client", "matplotlib"),
     *("rich", "typer", "structlog", "cryptography", "gateway.cli", "gateway.config", "gateway.tabfile"),
     *("gateway.supervisor", "gateway.simulator", "argparse", "random", "tempfile"),
 )

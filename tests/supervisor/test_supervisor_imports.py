@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 UNWANTED = (
     *("gateway.exchange.line", "gateway.exchange.axis", "gateway.exchange.fast_path", "gateway.relay"),
     *("gateway.transport.master", "gateway.transport.serial", "gateway.simulator", "gateway.cli", "serial"),
-    *("gateway.supervisor.mqtt.publisher", "aiomqtt", "paho", "gateway.report", "gateway.metrology"),
+    *("gateway.supervisor.mqtt.publisher", "paho", "gateway.report", "gateway.metrology"),
     *("matplotlib", "numpy", "rich", "typer", "cryptography", "pymodbus"),
 )
 PROGRAM = """

@@ -17,7 +17,7 @@ from gateway.config.sections import Sections
 from gateway.exchange.commands import SetTemperature
 from gateway.ipc.messages import Done, Reply, Request
 from gateway.supervisor.feeds import Feeds
-from gateway.supervisor.mqtt.commands import Orders
+from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.service import MqttService
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.temperatures import Temperatures, WrongTemperatureError, read_payload

@@ -1,30 +1,42 @@
-"""One connection to the broker, from CONNECT to the last word."""
+"""One connection to the broker, from CONNECT to the last word.
+
+paho knows the protocol; asyncio's loop reads and writes its socket. Only connecting blocks, in a thread of
+its own: until that has ended nothing else touches the client. paho's own reconnecting is not used: it does
+not say why an attempt failed, reads neither password nor certificates anew, and begins with what it had sent
+before, however old.
+"""
 
 import asyncio
 import contextlib
 import logging
 import ssl
-from collections.abc import AsyncIterator, Callable
-from typing import Final
+from collections.abc import AsyncIterator, Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
-import aiomqtt
-import paho.mqtt.client
-from aiomqtt.types import PahoSocket
+import msgspec
+from paho.mqtt.client import Client, DisconnectFlags, MQTTMessage, MQTTv5, MQTTv311
+from paho.mqtt.enums import CallbackAPIVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
+from paho.mqtt.reasoncodes import ReasonCode
 
 from gateway.config.mqtt_model import MqttVersion
-from gateway.supervisor.mqtt.ending import apart, end
-from gateway.supervisor.mqtt.messages import OFFLINE
+from gateway.supervisor.aside import aside
 from gateway.supervisor.mqtt.settings import Settings
+
+if TYPE_CHECKING:
+    from paho.mqtt.client import SocketLike
+
+ONLINE: Final = b"online"
+OFFLINE: Final = b"offline"
 
 ANSWER_S: Final = 10.0
 """A broker that has not answered by then is as good as gone."""
 GOODBYE_S: Final = 2.0
 """Whoever stops the gateway waits no longer for the broker."""
-AT_ONCE_S: Final = 0.1
-THREAD_S: Final = 6.0
-"""The library's thread gives up after 5 s."""
+TICK_S: Final = 1.0
+"""So often paho looks whether it has to ping the broker."""
 LARGEST_PACKET: Final = 65536
 """Bytes that a broker of version 5 may send at once; commands have a hundred."""
 
@@ -33,41 +45,226 @@ _SILENT: Final = logging.getLogger("gateway.mqtt")
 _SILENT.addHandler(logging.NullHandler())
 _SILENT.propagate = False
 
+_encoder: Final = msgspec.json.Encoder(enc_hook=str)
+
+
+def encode(payload: object) -> bytes:
+    """Return a payload as JSON; numbers that JSON does not know are null."""
+    return _encoder.encode(payload)
+
+
+class BrokerError(Exception):
+    """The connection was not made, or is over; ``reason`` is the broker's or paho's, where there is one."""
+
+    def __init__(self, reason: ReasonCode | None = None) -> None:
+        super().__init__(str(reason))
+        self.reason = reason
+
+
+class NoAnswerError(BrokerError):
+    """The broker was reached and does not answer."""
+
+
+class Connection:
+    """A connection, on the loop that it was made on.
+
+    ``take`` gets it and each message as it comes, and must not block.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        password: str | None,
+        context: ssl.SSLContext | None,
+        take: "Callable[[Connection, MQTTMessage], None]",
+    ) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._settings = settings
+        self._take = take
+        self._accepted: asyncio.Future[None] = self._loop.create_future()
+        self.lost: asyncio.Future[BrokerError] = self._loop.create_future()
+        """Why the connection is over, as soon as it is."""
+        self._answers: dict[int, asyncio.Future[Any]] = {}
+        """What the broker has still to take or to acknowledge, by packet identifier."""
+        self._ticking: asyncio.TimerHandle | None = None
+        is_v5 = settings.version is MqttVersion.V5
+        self._client = Client(
+            CallbackAPIVersion.VERSION2,
+            client_id=settings.client_id,
+            # A session that outlives the connection would keep commands for later, when nobody expects them.
+            clean_session=None if is_v5 else True,
+            protocol=MQTTv5 if is_v5 else MQTTv311,
+            reconnect_on_failure=False,
+        )
+        self._client.enable_logger(_SILENT)
+        self._client.will_set(settings.topics.availability, OFFLINE, qos=1, retain=True)
+        if settings.username is not None:
+            self._client.username_pw_set(settings.username, password)
+        if context is not None:
+            context.sslsocket_class = _Socket
+            self._client.tls_set_context(context)
+
+    async def open(self) -> None:
+        """Connect, and wait until the broker has accepted. Raises OSError or BrokerError."""
+        properties = None
+        if self._settings.version is MqttVersion.V5:
+            properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
+            properties.MaximumPacketSize = LARGEST_PACKET
+        host, port, keepalive_s = self._settings.host, self._settings.port, self._settings.keepalive_s
+        await aside(partial(self._client.connect, host, port, keepalive_s, properties=properties))
+        self._serve()
+        await self._within(self._accepted)
+
+    async def subscribe(self, topics: Sequence[tuple[str, int]]) -> list[str]:
+        """Ask for topics, each with a QoS; returns those that the broker does not grant."""
+        _, mid = self._client.subscribe(list(topics))
+        codes: list[ReasonCode] = [] if mid is None else await self._answer(mid)
+        return [topic for (topic, _), code in zip(topics, codes, strict=True) if code.is_failure]
+
+    async def publish(
+        self,
+        topic: str,
+        payload: bytes,
+        *,
+        qos: int = 0,
+        retain: bool = False,
+        correlation: bytes | None = None,
+    ) -> None:
+        """Publish, and wait until the message is written, with QoS 1 acknowledged. Raises BrokerError."""
+        properties = None
+        if correlation is not None:
+            properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
+            properties.CorrelationData = correlation
+        await self._answer(self._client.publish(topic, payload, qos, retain, properties).mid)
+
+    async def say_goodbye(self) -> None:
+        """Publish what the will would say, which the broker does not where a client leaves; and leave."""
+        with contextlib.suppress(BrokerError, TimeoutError):
+            async with asyncio.timeout(GOODBYE_S):
+                await self.publish(self._settings.topics.availability, OFFLINE, qos=1, retain=True)
+        self._client.disconnect()
+        await asyncio.wait((self.lost,), timeout=GOODBYE_S)
+
+    def close(self) -> None:
+        """Close the socket, if it still is open, whatever the broker has been told."""
+        if (sock := self._client.socket()) is not None:
+            self._stop_serving(sock)
+            sock.close()
+        self._end(NoAnswerError())
+
+    def _serve(self) -> None:
+        """Have asyncio's loop read and write from now on."""
+        client, loop = self._client, self._loop
+        sock = client.socket()
+        if sock is None:
+            self._end(NoAnswerError())
+            return
+        client.on_connect = self._on_connect
+        client.on_disconnect = self._on_disconnect
+        client.on_message = lambda _client, _data, message: self._take(self, message)
+        client.on_publish = lambda _client, _data, mid, *_: self._acknowledge(mid, None)
+        client.on_subscribe = lambda _client, _data, mid, codes, _properties: self._acknowledge(mid, codes)
+        client.on_socket_close = lambda *_: self._stop_serving(sock)
+        client.on_socket_register_write = lambda *_: loop.add_writer(sock, self._step, client.loop_write)
+        client.on_socket_unregister_write = lambda *_: self._stop_writing(sock)
+        loop.add_reader(sock, self._read)
+        self._tick()
+
+    def _stop_writing(self, sock: "SocketLike") -> None:
+        self._loop.remove_writer(sock)
+
+    def _stop_serving(self, sock: "SocketLike") -> None:
+        # paho's destructor would call them again, with a socket that is closed.
+        self._client.on_socket_close = self._client.on_socket_unregister_write = None
+        self._loop.remove_reader(sock)
+        self._stop_writing(sock)
+        if self._ticking is not None:
+            self._ticking.cancel()
+
+    def _read(self) -> None:
+        self._step(self._client.loop_read)
+        # What TLS has decrypted already does not show on the socket.
+        sock = self._client.socket()
+        while isinstance(sock, ssl.SSLSocket) and not self.lost.done() and sock.pending():
+            self._step(self._client.loop_read)
+
+    def _tick(self) -> None:
+        self._step(self._client.loop_misc)
+        if not self.lost.done():
+            self._ticking = self._loop.call_later(TICK_S, self._tick)
+
+    def _step(self, work: Callable[[], object]) -> None:
+        try:
+            work()
+        except Exception as error:  # noqa: BLE001 - whatever a broker sent that paho cannot read
+            lost = BrokerError()
+            lost.__cause__ = error
+            self._end(lost)
+
+    def _on_connect(
+        self, _client: Client, _data: object, _flags: object, reason: ReasonCode, *_: object
+    ) -> None:
+        if reason.is_failure:
+            self._end(BrokerError(reason))
+        elif not self._accepted.done():
+            self._accepted.set_result(None)
+
+    def _on_disconnect(
+        self, _client: Client, _data: object, flags: DisconnectFlags, reason: ReasonCode, *_: object
+    ) -> None:
+        is_told = self._accepted.done() or flags.is_disconnect_packet_from_server
+        self._end(BrokerError(reason) if is_told else NoAnswerError())
+
+    def _end(self, error: BrokerError) -> None:
+        if not self.lost.done():
+            self.lost.set_result(error)
+
+    def _acknowledge(self, mid: int, answer: object) -> None:
+        if (waiting := self._answers.pop(mid, None)) is not None:
+            waiting.set_result(answer)
+
+    async def _answer(self, mid: int) -> Any:
+        self._answers[mid] = self._loop.create_future()
+        try:
+            return await self._within(self._answers[mid])
+        finally:
+            self._answers.pop(mid, None)
+
+    async def _within(self, answer: "asyncio.Future[Any]") -> Any:
+        """Return an answer of the broker, raise why there is none."""
+        await asyncio.wait((answer, self.lost), timeout=ANSWER_S, return_when=asyncio.FIRST_COMPLETED)
+        if answer.done():
+            return answer.result()
+        raise self.lost.result() if self.lost.done() else NoAnswerError
+
 
 @contextlib.asynccontextmanager
 async def connected(
-    settings: Settings, take: Callable[[aiomqtt.Message], None]
-) -> AsyncIterator[aiomqtt.Client]:
-    """Yield a client that is connected; say goodbye at the end, as far as the broker listens.
-
-    ``take`` gets each message as it comes, and must not block; ``client.messages`` has none, and ends with
-    the connection.
+    settings: Settings, take: Callable[[Connection, MQTTMessage], None]
+) -> AsyncIterator[Connection]:
+    """Yield a connection; who is cancelled meanwhile says goodbye, as far as the broker listens.
 
     Raises:
         NamedFileError: the password or a certificate cannot be used.
-        aiomqtt.MqttError: no connection, or it has been lost.
+        OSError: the broker cannot be reached.
+        BrokerError: it does not accept, or the connection has been lost.
     """
     password = await asyncio.to_thread(settings.password)
     context = await asyncio.to_thread(settings.tls_context)
-    client = _client(settings, password, context, take)
+    connection = Connection(settings, password, context, take)
     try:
-        await _enter(client)
-    except aiomqtt.MqttError:
-        await _leave(client, AT_ONCE_S)  # else its socket stays open, if it came so far
-        raise
-    try:
-        yield client
-    except asyncio.CancelledError:
-        await _say_goodbye(client, settings)
-        raise
-    except Exception:  # whoever used it failed, whatever at: its socket may not stay open
-        await _leave(client)
-        raise
-    await _leave(client)
+        await connection.open()
+        try:
+            yield connection
+        except asyncio.CancelledError:
+            await connection.say_goodbye()
+            raise
+    finally:
+        connection.close()
 
 
 class _Socket(ssl.SSLSocket):
-    """Closes itself where the two sides do not agree: the library leaves that to the garbage collector."""
+    """Closes itself where the two sides do not agree: paho leaves that to the garbage collector."""
 
     def do_handshake(self, block: bool = False) -> None:
         """Agree on a key. Raises OSError."""
@@ -76,96 +273,3 @@ class _Socket(ssl.SSLSocket):
         except OSError:
             self.close()
             raise
-
-
-class _Client(aiomqtt.Client):
-    """Closes a gap of the library, which asks for a socket by its number, and in the next round of the loop.
-
-    By then it may have been closed: an error that nobody can catch, or, where the number has been given away
-    again, somebody else's socket. Should a later release name the method differently, its own holds again.
-    """
-
-    def _on_socket_register_write(
-        self, client: paho.mqtt.client.Client, userdata: object, sock: PahoSocket
-    ) -> None:
-        def write() -> None:
-            try:
-                client.loop_write()
-            except Exception as error:  # noqa: BLE001 - as the library has it: whatever it is ends the connection
-                if not self._disconnected.done():
-                    self._disconnected.set_exception(error)
-
-        def register() -> None:
-            if sock.fileno() >= 0:
-                self._loop.add_writer(sock.fileno(), write)
-
-        self._loop.call_soon_threadsafe(register)
-
-
-def _inbox(take: Callable[[aiomqtt.Message], None]) -> type[asyncio.Queue[aiomqtt.Message]]:
-    """Return a queue that hands on each message at once: the library drops, in silence, what has no room."""
-
-    class Inbox(asyncio.Queue[aiomqtt.Message]):
-        def put_nowait(self, item: aiomqtt.Message) -> None:
-            take(item)
-
-    return Inbox
-
-
-def _client(
-    settings: Settings,
-    password: str | None,
-    context: ssl.SSLContext | None,
-    take: Callable[[aiomqtt.Message], None],
-) -> aiomqtt.Client:
-    if context is not None:
-        context.sslsocket_class = _Socket
-    is_v5 = settings.version is MqttVersion.V5
-    properties = None
-    if is_v5:
-        properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
-        properties.MaximumPacketSize = LARGEST_PACKET
-    return _Client(
-        settings.host,
-        settings.port,
-        username=settings.username,
-        password=password,
-        logger=_SILENT,
-        identifier=settings.client_id,
-        protocol=aiomqtt.ProtocolVersion.V5 if is_v5 else aiomqtt.ProtocolVersion.V311,
-        will=aiomqtt.Will(settings.topics.availability, OFFLINE, qos=1, retain=True),
-        # A session that outlives the connection would keep commands for later, when nobody expects them.
-        clean_session=None if is_v5 else True,
-        timeout=ANSWER_S,
-        keepalive=settings.keepalive_s,
-        queue_type=_inbox(take),
-        properties=properties,
-        tls_context=context,
-    )
-
-
-async def _enter(client: aiomqtt.Client) -> None:
-    """Connect. Who is cancelled meanwhile waits a little: the library connects in a thread of its own."""
-    entering = asyncio.ensure_future(client.__aenter__())
-    try:
-        await asyncio.shield(entering)
-    except asyncio.CancelledError:
-        await asyncio.wait((entering,), timeout=THREAD_S)
-        await end((entering,))
-        is_in = not entering.cancelled() and entering.exception() is None
-        await _leave(client, GOODBYE_S if is_in else AT_ONCE_S)
-        raise
-
-
-async def _say_goodbye(client: aiomqtt.Client, settings: Settings) -> None:
-    """Publish what the will would say: the broker does not, where a client leaves properly."""
-    with contextlib.suppress(aiomqtt.MqttError):
-        topic = settings.topics.availability
-        await apart(client.publish(topic, OFFLINE, qos=1, retain=True, timeout=GOODBYE_S))
-    await _leave(client)
-
-
-async def _leave(client: aiomqtt.Client, timeout_s: float = GOODBYE_S) -> None:
-    client.timeout = timeout_s
-    with contextlib.suppress(aiomqtt.MqttError):
-        await apart(client.__aexit__(None, None, None))

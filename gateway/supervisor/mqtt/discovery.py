@@ -17,7 +17,7 @@ from math import ceil
 from typing import Any, Final
 
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
-from gateway.supervisor.mqtt.messages import Payload
+from gateway.supervisor.mqtt.interfaces import Payload
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.verdict import State
 

@@ -5,20 +5,15 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-import aiomqtt
+from paho.mqtt.client import MQTTMessage
 
 from gateway.backoff import Backoff
 from gateway.catalogue.publishing_events import MQTT_COMMANDS_NOT_HEARD, MQTT_CONNECTED, MQTT_LOST
-from gateway.supervisor.mqtt.commander import Commander
-from gateway.supervisor.mqtt.commands import Orders
-from gateway.supervisor.mqtt.connection import connected
-from gateway.supervisor.mqtt.ending import apart, end
-from gateway.supervisor.mqtt.hearing import Hear
-from gateway.supervisor.mqtt.outbox import Outbox
+from gateway.supervisor.mqtt.commands import Commander
+from gateway.supervisor.mqtt.connection import Connection, connected
+from gateway.supervisor.mqtt.interfaces import Hear, Orders, Outbox
 from gateway.supervisor.mqtt.reasons import is_cut, taken_over, why
-from gateway.supervisor.mqtt.retained import RETAINED_NAME, Ledger
-from gateway.supervisor.mqtt.sending import Sender, Tally
-from gateway.supervisor.mqtt.sensors import subscribe_sensors
+from gateway.supervisor.mqtt.sending import RETAINED_NAME, Ledger, Sender, Tally
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.saying import Say
 
@@ -45,8 +40,6 @@ class Publisher:
         self._hear = hear
         self._commander = Commander(settings.topics, orders, say)
         self._tally = Tally()
-        self._client: aiomqtt.Client | None = None
-        """The newest; commands come over it."""
         self._connects = 0
         self._is_connected = False
         self._problem: str | None = None
@@ -71,7 +64,8 @@ class Publisher:
         try:
             await self._keep_connected(ledger)
         finally:
-            await end((working,))
+            working.cancel()
+            await asyncio.wait((working,))
 
     async def finish_commands(self) -> None:
         """Wait until the commands that have come so far have been answered."""
@@ -105,38 +99,32 @@ class Publisher:
 
     async def _connection(self, ledger: Ledger) -> None:
         """Connect and publish; it ends with an exception, because connections do."""
-        async with connected(self._settings, self._take) as client:
-            self._client = client
-            refused = None
-            if self._settings.allows_commands:
-                refused = await apart(self._commander.subscribe(client))
-            if self._settings.sensors:
-                refused = await apart(subscribe_sensors(client, self._settings.sensors)) or refused
-            self._reach(refused)
-            sender = Sender(
-                client, self._settings, outbox=self._outbox, ledger=ledger, tally=self._tally, say=self._say
-            )
-            tasks = [asyncio.create_task(self._listen(client)), asyncio.create_task(sender.run())]
-            try:
-                await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                await end(tasks)
-            # The listener knows best why it is over.
-            for error in [task.exception() for task in tasks if not task.cancelled()]:
-                if error is not None:
-                    raise error
+        async with connected(self._settings, self._take) as connection:
+            self._reach(await self._subscribe(connection))
+            await Sender(
+                connection,
+                self._settings,
+                outbox=self._outbox,
+                ledger=ledger,
+                tally=self._tally,
+                say=self._say,
+            ).run()
 
-    async def _listen(self, client: aiomqtt.Client) -> None:
-        """Wait until the connection is gone, which raises MqttError."""
-        async for _ in client.messages:
-            pass
+    async def _subscribe(self, connection: Connection) -> str | None:
+        """Ask for commands and temperatures; returns what the broker does not grant."""
+        problem = None
+        commands = [(self._settings.topics.commands, 1)] if self._settings.allows_commands else []
+        for topics in commands, [(topic, 0) for topic in self._settings.sensors]:
+            if topics and (denied := await connection.subscribe(topics)):
+                problem = f"the broker does not let the gateway read {', '.join(denied)}: allow it in its ACL"
+        return problem
 
-    def _take(self, message: aiomqtt.Message) -> None:
+    def _take(self, connection: Connection, message: MQTTMessage) -> None:
         """Take a command or a temperature, as it comes."""
-        if message.topic.value in self._settings.sensors:
-            self._hear(message.topic.value, bytes(message.payload), is_retained=message.retain)
-        elif self._client is not None:
-            self._commander.take(self._client, message)
+        if message.topic in self._settings.sensors:
+            self._hear(message.topic, bytes(message.payload), is_retained=message.retain)
+        else:
+            self._commander.take(connection, message)
 
     def _reach(self, problem: str | None) -> None:
         self._connects += 1

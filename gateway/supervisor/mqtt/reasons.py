@@ -5,15 +5,10 @@ import ssl
 from collections.abc import Mapping
 from typing import Final
 
-import aiomqtt
-from paho.mqtt.reasoncodes import ReasonCode
-
 from gateway.config.files import NamedFileError
 from gateway.config.mqtt_model import MqttVersion
+from gateway.supervisor.mqtt.connection import BrokerError, NoAnswerError
 from gateway.supervisor.mqtt.settings import Settings
-
-TIMED_OUT: Final = "Operation timed out"
-"""What the library says of a broker that was reached and does not answer."""
 
 _LOST: Final = (
     "the connection to {broker} was lost: is the broker still running? Where it is, another client may have "
@@ -56,19 +51,19 @@ def why(error: BaseException, settings: Settings) -> str:
     """Return a sentence on what ended a connection, or kept it from being made."""
     if isinstance(error, NamedFileError):
         return str(error)
-    if isinstance(error, aiomqtt.MqttError) and str(error) == TIMED_OUT:
+    if isinstance(error, NoAnswerError):
         need = (
             "is it a broker's port, and is it one without TLS?"
             if settings.tls is None
             else "is it a broker's port, and does the broker want a certificate ([mqtt.tls] cert and key)?"
         )
         return f"{settings.broker} does not answer: {need}"
-    for each in (error.__cause__, error.__context__, error):
+    for each in (error.__cause__, error):
         if isinstance(each, OSError):
             return _of_network(each, settings)
-        if isinstance(each, aiomqtt.exceptions.MqttCodeError) and isinstance(each.rc, ReasonCode):
-            return _of_reason(str(each.rc), settings)
-    if isinstance(error, aiomqtt.MqttError):
+    if isinstance(error, BrokerError) and error.reason is not None:
+        return _of_reason(str(error.reason), settings)
+    if isinstance(error, BrokerError):
         return _LOST.format(broker=settings.broker, client_id=settings.client_id)
     return f"unexpected {type(error).__name__}: {error}; please report it"
 

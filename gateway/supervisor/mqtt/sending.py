@@ -1,32 +1,105 @@
-"""What one connection has been told, and what it has still to be told."""
+"""What is published, and when: parts of the status model, each under its topic, as JSON.
+
+An axis that is gone, or discovery that was switched off, would stay at the broker for ever: what was
+published retained is noted in the state folder, because it is a restart that takes an axis away.
+"""
 
 import asyncio
+import contextlib
 import time
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Final
 
-import aiomqtt
+import msgspec
 
 from gateway.catalogue.publishing_events import MQTT_TOPICS_NOT_NOTED
+from gateway.files import FileRefusedError, read_regular_file
+from gateway.state.folder import write_whole
+from gateway.supervisor.mqtt.connection import ONLINE, Connection, encode
 from gateway.supervisor.mqtt.discovery import discovery_messages
-from gateway.supervisor.mqtt.messages import (
-    ONLINE,
-    Payload,
-    encode,
-    is_known,
-    moving_message,
-    moving_topics,
-    retained_messages,
-    without_words,
-)
-from gateway.supervisor.mqtt.outbox import Outbox
-from gateway.supervisor.mqtt.retained import Ledger
-from gateway.supervisor.mqtt.settings import Settings
+from gateway.supervisor.mqtt.interfaces import Outbox, Payload
+from gateway.supervisor.mqtt.settings import Settings, Topics
 from gateway.supervisor.saying import Say
+from gateway.supervisor.trouble import is_fresh
 
 WORDS_EVERY_S: Final = 10.0
 """So often at most a trouble is told anew of which only the words have changed."""
 NOTHING: Final = b""
 """A retained message without content takes the one that the broker keeps away (MQTT 5.0, 3.3.1.3)."""
+RETAINED_NAME: Final = "mqtt-retained.json"
+LARGEST: Final = 1_000_000
+"""Bytes. 64 axes have some 20 000."""
+
+
+def is_known(model: Payload) -> bool:
+    """Whether the relay has ever said what it has: without that nothing is known of its axes."""
+    return model["gateway"]["snapshot_age_s"] is not None
+
+
+def retained_messages(settings: Settings, model: Payload) -> dict[str, Payload]:
+    """Return what whoever comes late has to know, by topic; it changes seldom."""
+    topics, gateway = settings.topics, model["gateway"]
+    info = {
+        "name": topics.name,
+        "version": gateway["version"],
+        "relay": gateway["relay"],
+        "lines": list(model["lines"]),
+        "axes": {name: {"units": axis["units"]} for name, axis in model["axes"].items()},
+        "interval_s": settings.interval_s,
+        "commands": settings.allows_commands,
+        "verdict": model["verdict"],
+        "troubles": model["troubles"],
+    }
+    tables = {topics.table(name): axis["table"] for name, axis in model["axes"].items()}
+    return {topics.info: info, **tables}
+
+
+def without_words(payload: Payload) -> Payload:
+    """Return a payload without what changes of a trouble from moment to moment: how long, and how often."""
+    if "troubles" not in payload:
+        return payload
+    lasting = [{key: it for key, it in each.items() if key != "what"} for each in payload["troubles"]]
+    return {**payload, "troubles": lasting}
+
+
+def moving_topics(topics: Topics, model: Payload) -> dict[str, tuple[str, str]]:
+    """Return the topics of what is published in every interval, each with its place in the model."""
+    lines = {topics.line(name): ("lines", name) for name in model["lines"]}
+    return lines | {topics.axis(name): ("axes", name) for name in model["axes"]}
+
+
+def moving_message(model: Payload, place: tuple[str, str]) -> Payload | None:
+    """Return a line or an axis, None where there is nothing to say about it now."""
+    section, name = place
+    found = model[section].get(name) if is_fresh(model) else None
+    return None if found is None else {key: each for key, each in found.items() if key != "table"}
+
+
+class Ledger:
+    """The topics that were published retained, on disk. It blocks; one thread at a time."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.topics = self._read()
+        """What the broker may hold, as far as it was noted."""
+
+    def note(self, topics: Iterable[str]) -> None:
+        """Note exactly these.
+
+        Raises:
+            OSError: it cannot be written; what was noted before is still there.
+        """
+        wanted = frozenset(topics)
+        if wanted != self.topics:
+            self.topics = wanted
+            write_whole(self._path, msgspec.json.encode(sorted(wanted)))
+
+    def _read(self) -> frozenset[str]:
+        with contextlib.suppress(FileRefusedError, msgspec.MsgspecError, UnicodeDecodeError):
+            content = read_regular_file(self._path, LARGEST, "a file")
+            return frozenset(msgspec.json.decode(content, type=list[str]))
+        return frozenset()
 
 
 class Tally:
@@ -41,7 +114,7 @@ class Sender:
 
     def __init__(
         self,
-        client: aiomqtt.Client,
+        connection: Connection,
         settings: Settings,
         *,
         outbox: Outbox,
@@ -49,7 +122,7 @@ class Sender:
         tally: Tally,
         say: Say,
     ) -> None:
-        self._client = client
+        self._connection = connection
         self._settings = settings
         self._outbox = outbox
         self._ledger = ledger
@@ -59,11 +132,13 @@ class Sender:
         self._told_s: dict[str, float] = {}
 
     async def run(self) -> None:
-        """Publish until the connection is lost, which raises MqttError."""
+        """Publish until the connection is lost, which raises BrokerError."""
+        lost = self._connection.lost
+        lost.add_done_callback(lambda _: self._outbox.wake())
         await self._publish(self._settings.topics.availability, ONLINE, qos=1, retain=True)
         loop = asyncio.get_running_loop()
         due_s = loop.time()
-        while True:
+        while not lost.done():
             await self._send_events()
             if self._outbox.model is not None:
                 await self._send_retained(self._outbox.model)
@@ -71,6 +146,7 @@ class Sender:
                     await self._send_moving(self._outbox.model)
                     due_s = max(due_s + self._settings.interval_s, loop.time())
             await self._outbox.wait(max(0.0, due_s - loop.time()))
+        raise lost.result()
 
     async def _send_events(self) -> None:
         while (event := self._outbox.event) is not None:
@@ -123,5 +199,5 @@ class Sender:
                 await self._publish(topic, encode(payload))
 
     async def _publish(self, topic: str, payload: bytes, *, qos: int = 0, retain: bool = False) -> None:
-        await self._client.publish(topic, payload, qos=qos, retain=retain)
+        await self._connection.publish(topic, payload, qos=qos, retain=retain)
         self._tally.published += 1

@@ -5,10 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gateway.supervisor.feeds import Feeds
-from gateway.supervisor.mqtt.commands import Orders
-from gateway.supervisor.mqtt.ending import end
-from gateway.supervisor.mqtt.hearing import Hear, hear_nothing
-from gateway.supervisor.mqtt.outbox import Outbox
+from gateway.supervisor.mqtt.interfaces import Hear, Orders, Outbox, hear_nothing
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.saying import Say
 
@@ -66,9 +63,8 @@ class MqttService:
             self._is_changed.clear()
 
     async def _publish_until_none(self) -> None:
-        outbox = (
-            Outbox()
-        )  # outlives a change of settings: the answer to the reload that made it waits in there
+        # It outlives a change of settings: the answer to the reload that made it waits in there.
+        outbox = Outbox()
         with self._feeds.open() as feed:
             collecting = asyncio.create_task(outbox.collect(feed))
             try:
@@ -77,7 +73,7 @@ class MqttService:
                     await self._publish(self._wanted, outbox)
             finally:
                 self.publisher = None
-                await end((collecting,))
+                collecting.cancel()
 
     async def _publish(self, settings: Settings, outbox: Outbox) -> None:
         """Publish until there are other settings."""
@@ -97,6 +93,6 @@ class MqttService:
                 publishing.result()  # a bug: it ends only when it is told to
             await self.publisher.finish_commands()
         finally:
+            changing.cancel()
             publishing.cancel()
-            await end((changing,))
             await asyncio.wait((publishing,))

@@ -14,7 +14,7 @@ from gateway.ipc.messages import Done, Reply, Request
 from gateway.ipc.notes import note_of
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.model import whole_model
-from gateway.supervisor.mqtt.commands import Orders
+from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.publisher import Publisher
 from gateway.supervisor.mqtt.service import STATUS_WITHOUT, MqttService
 from gateway.supervisor.mqtt.settings import Settings, settings_of

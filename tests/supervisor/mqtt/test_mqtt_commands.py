@@ -5,15 +5,16 @@ import json
 from pathlib import Path
 from typing import Any
 
-import aiomqtt
 import pytest
+from paho.mqtt.enums import MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
 from gateway.exchange.commands import Disable, Enable, SetGain
 from gateway.ipc.client import NobodyListensError
 from gateway.ipc.messages import Done, Request
-from gateway.supervisor.mqtt.commands import Orders, carry_out
+from gateway.supervisor.mqtt.commands import carry_out
+from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.outcome import Outcome
 from tests.mosquitto import ANYBODY, PATIENCE_S, Watcher, broker_in, payload_of, watching
 from tests.supervisor.mqtt.mqtt_bench import ROOT, data_of, model, publishing, settings
@@ -208,7 +209,7 @@ async def test_with_version_5_the_answer_goes_where_the_asker_wants_it(tmp_path:
         given = settings(broker.port, tmp_path, version="5", commands=True)
         async with (
             publishing(given, tmp_path) as site,
-            watching(broker.port, protocol=aiomqtt.ProtocolVersion.V5) as watcher,
+            watching(broker.port, version=MQTTProtocolVersion.MQTTv5) as watcher,
         ):
             await site.until_said("mqtt-connected")
             properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
@@ -229,7 +230,7 @@ async def test_with_version_5_the_answer_goes_where_the_asker_wants_it(tmp_path:
 
 
 async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.supervisor.mqtt.commander.PER_S", 1e-6)
+    monkeypatch.setattr("gateway.supervisor.mqtt.commands.PER_S", 1e-6)
     with broker_in(tmp_path) as broker:
         given = settings(broker.port, tmp_path, commands=True)
         async with publishing(given, tmp_path) as site, watching(broker.port, f"{ROOT}/event") as watcher:

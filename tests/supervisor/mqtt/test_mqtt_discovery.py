@@ -14,7 +14,8 @@ from gateway.compensation.units import Units
 from gateway.exchange.commands import Disable, Enable
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.supervisor.mqtt.discovery import TABLE, UNITS, discovery_messages
-from gateway.supervisor.mqtt.messages import Payload, moving_message, moving_topics, retained_messages
+from gateway.supervisor.mqtt.interfaces import Payload
+from gateway.supervisor.mqtt.sending import moving_message, moving_topics, retained_messages
 from gateway.supervisor.mqtt.settings import Settings
 from tests.mosquitto import broker_in, payload_of, watching
 from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, data_of, model, publishing, settings, terms
@@ -162,7 +163,7 @@ async def test_descriptions_are_retained_and_go_with_their_axis(tmp_path: Path) 
                 gone = [
                     await watcher.until(f"{DEVICES}/axis_{name}/config", lambda p: not p) for name in "cy"
                 ]
-    retained = {m.topic.value: data_of(payload_of(m)) for m in watcher.heard if m.retain}
+    retained = {m.topic: data_of(payload_of(m)) for m in watcher.heard if m.retain}
     assert retained == json.loads(json.dumps(discovery_messages(told, model(THREE))))
     assert [payload_of(message) for message in gone] == [b"", b""]
 

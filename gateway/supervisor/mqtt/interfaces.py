@@ -1,10 +1,39 @@
-"""What waits to be published: the newest model and the newest events, whatever the broker does meanwhile."""
+"""What a publisher works with: what waits to be published, who carries out commands, who hears sensors."""
 
 import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 from gateway.broadcast import NewestQueue
+from gateway.ipc.messages import Reply, Request
 from gateway.supervisor.feeds import EVENTS_KEPT, Feed, News, Told
-from gateway.supervisor.mqtt.messages import Payload
+from gateway.supervisor.outcome import Outcome
+
+Payload = Mapping[str, Any]
+"""What becomes one message; the status model too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """What commands are carried out with."""
+
+    reload: Callable[[], Awaitable[Outcome]]
+    """Read configuration and tables anew."""
+    ask: Callable[[Request], Reply]
+    """Ask the relay; blocks. Raises NoGatewayError."""
+
+
+class Hear(Protocol):
+    """Takes a message of a sensor; does not block."""
+
+    def __call__(self, topic: str, payload: bytes, *, is_retained: bool) -> None:
+        """Take it."""
+        ...
+
+
+def hear_nothing(topic: str, payload: bytes, *, is_retained: bool) -> None:
+    """Take a message and forget it."""
 
 
 class Outbox:
@@ -24,7 +53,7 @@ class Outbox:
             self.model = news.model
         self._events.extend(news.events)
         self.dropped += news.dropped + self._events.take_dropped()
-        self._is_there.set()
+        self.wake()
 
     async def collect(self, feed: Feed) -> None:
         """Take over whatever comes, until cancelled."""
@@ -42,6 +71,10 @@ class Outbox:
             self._events.items.popleft()
         else:
             self.dropped -= 1
+
+    def wake(self) -> None:
+        """End the wait of whoever waits for more."""
+        self._is_there.set()
 
     async def wait(self, timeout_s: float) -> None:
         """Wait until something has come since the last time, at most ``timeout_s``."""
