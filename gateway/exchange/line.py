@@ -427,7 +427,7 @@ class LineExchange(CuttingLine):
             axis.settle_group(now_ns)
         changed = carry_out(self.axes, command, now_ns, tables)
         if isinstance(command, SetLimits):
-            self.meter.set_budget(command.axis, command.budget_us)
+            self.meter.take_limits(self.axes)
         elif isinstance(command, EndDryRun):
             self._units.forget_paths()
         self._report(self.axes)

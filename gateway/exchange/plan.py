@@ -1,11 +1,11 @@
 """What the exchange needs to know, checked and frozen before it runs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from gateway.compensation.settings import AxisSettings, Gain, Setpoints, ThermalSettings
+from gateway.compensation.settings import AxisSettings, Setpoints, ThermalSettings
 from gateway.compensation.table import CorrectionTable
 from gateway.drives.motion import DIRECT, Addressing, Form, MotionPlan
 from gateway.exchange.rights import UNLIMITED, Rights
@@ -182,22 +182,6 @@ class AxisPlan:
     def has_rules(self) -> bool:
         """Whether a frame may mean something else than positions to be gone to at once."""
         return self.motion.waits_for_trigger or any(self.motion.modes) or bool(self.settable)
-
-
-def without_live_values(plan: AxisPlan) -> AxisPlan:
-    """Return a plan without its table and what else an axis that runs can be given (``exchange.control``)."""
-    settings = replace(plan.settings, gain=Gain(), max_correction=0.0, max_slope=0.0, travel_margin=0.0)
-    is_off = plan.compensation is CompensationMode.OFF
-    return replace(
-        plan,
-        settings=settings,
-        budget_us=0.0,
-        table=None,
-        table_name="",
-        table_format="",
-        table_digest="",
-        compensation=CompensationMode.OFF if is_off else CompensationMode.ON,  # a dry run may end
-    )
 
 
 @dataclass(frozen=True, slots=True, order=True)

@@ -5,7 +5,7 @@ import json
 import os
 import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,8 @@ from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
 from gateway.config.sections import is_live
 from gateway.config.tables_folder import what_is_strange
-from gateway.exchange.commands import ClearTable, EndDryRun, SetGain, SetLimits, SetTable, TableFor
-from gateway.exchange.limits import limits_of
+from gateway.exchange.commands import ClearTable, EndDryRun, SetGain, SetTable, TableFor
+from gateway.exchange.limits import limits_of, values_of
 from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
 from gateway.ipc.messages import Done, GetStatus, Ping, Pong, Reply, Request, Status
@@ -392,9 +392,9 @@ def _values(has: Mapping[str, Any], new: AxisPlan) -> Iterator[Request]:
 
     The relay says what it was given: the plan in the state may be newer than what has reached it.
     """
-    limits = asdict(limits_of(new))
-    if any(has[key] != value for key, value in limits.items()):
-        yield SetLimits(axis=new.name, **limits)
+    limits = limits_of(new)
+    if any(has[key] != value for key, value in values_of(limits).items()):
+        yield limits
     gain = new.settings.gain
     if has["gain"] != {"forward": gain.forward, "backward": gain.backward}:
         yield SetGain(axes=(new.name,), forward=gain.forward, backward=gain.backward, is_configured=True)
