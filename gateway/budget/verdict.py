@@ -235,7 +235,7 @@ def _starving(plan: LinePlan) -> Iterator[Judgement]:
             ("line", plan.name, "controllers", index, "timeout_ms"),
             f"timeout_ms = {limit_ms:g}, and a drive that falls silent keeps what moves others for "
             f"{wait_ms + drain_ms:g} ms ({wait_ms:g} {whose} + {drain_ms:g} drain_ms), "
-            + ("three times" if timing.retry_ms else "each time that it is asked"),
+            + ("three times" if timing.backs_off else "each time that it is asked"),
             "this controller then gives up on drives that would answer: set response_timeout_ms and drain_ms "
             f"to what the drives need, together below {limit_ms:g} (as in {EACH * limit_ms:g} each), and "
             "timeout_ms of the other controllers no longer than response_timeout_ms",

@@ -10,6 +10,7 @@ from gateway.compensation.table import CorrectionTable
 from gateway.drives.motion import DIRECT, Addressing, Form, MotionPlan
 from gateway.exchange.rights import UNLIMITED, Rights
 from gateway.modbus.registers import BitField, PositionField
+from gateway.times import NS_PER_MS
 
 HOMED_BIT: Final = "homed"
 DONE_BIT: Final = "done"
@@ -234,3 +235,8 @@ class LineTiming:
     """A connection to the drives is made anew after as long, once nothing is under way; 0: never."""
     connects_on_demand: bool = False
     """The connection is made for a request, and closed when none comes."""
+
+    @property
+    def backs_off(self) -> bool:
+        """Whether a unit that left three requests in a row unanswered is not asked, but for trials."""
+        return int(self.retry_ms * NS_PER_MS) > 0
