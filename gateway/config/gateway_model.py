@@ -79,7 +79,7 @@ class CaptureSection(StrictModel):
             )
         ),
     )
-    on: ListOf[EventName] = Field(
+    on: Live[ListOf[EventName]] = Field(
         default=(),
         description="events that write the frames before and after them into a file",
         json_schema_extra=documented(
@@ -91,7 +91,7 @@ class CaptureSection(StrictModel):
             kind="list of events",
         ),
     )
-    keep: Annotated[int, Field(ge=1, le=1000)] = Field(
+    keep: Live[Annotated[int, Field(ge=1, le=1000)]] = Field(
         default=8, description="so many files are kept; the oldest gives way"
     )
 

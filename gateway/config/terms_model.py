@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field
 from gateway.compensation import settings
 from gateway.config.mqtt_model import read_topic
 from gateway.config.values import Length, Name, Tcp
-from gateway.drives.strict import ByName, Planned, StrictModel, documented
+from gateway.drives.strict import ByName, Live, Planned, StrictModel, documented
 from gateway.drives.words import Address
 from gateway.modbus.registers import RegisterType, WordOrder
 
@@ -87,7 +87,7 @@ class ThermalSpec(StrictModel):
             )
         ),
     )
-    source: TemperatureSource = Field(
+    source: Live[TemperatureSource] = Field(
         description="where the temperature is heard",
         json_schema_extra=documented(
             more="`{ mqtt = … }` or `{ modbus = …, address = … }`, see below", kind="table"
