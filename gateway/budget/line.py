@@ -203,7 +203,7 @@ def _exchange_budgets(
     route: Route, steps: Sequence[Step], axes: Mapping[str, AxisPlan], added: tuple[AddedBudget, ...]
 ) -> tuple[ExchangeBudget, ...]:
     quiet = [
-        legs_of(route, step.frame, _gateway_ns(axes.get(step.axis)), _drive_ns(axes.get(step.axis)))
+        legs_of(route, step.frame, gateway_ns(axes.get(step.axis)), _drive_ns(axes.get(step.axis)))
         for step in steps
     ]
     at_once = [
@@ -241,7 +241,8 @@ def _cuts(route: Route, steps: Sequence[Step], quiet: Sequence[Legs]) -> list[Cu
     ]
 
 
-def _gateway_ns(axis: AxisPlan | None) -> int:
+def gateway_ns(axis: AxisPlan | None) -> int:
+    """Return what the gateway may take for one exchange of an axis, or of no axis."""
     budget_us = DEFAULT_BUDGET_US if axis is None else axis.budget_us
     return round(budget_us * NS_PER_MS / US_PER_MS)
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget, line_budget
+from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget, gateway_ns, line_budget
 from gateway.budget.remedies import remedies, waited
 from gateway.budget.sequence import AS_MAPPED, Blocks, What, Why
 from gateway.budget.words import ms, sum_text
 from gateway.exchange.plan import AxisPlan, Role
 from gateway.state.plan import LinePlan
-from gateway.times import NS_PER_MS, US_PER_MS
+from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import TcpEndpoint
 
 KNOWN_MASTERS: Final = (
@@ -166,19 +166,19 @@ def _deadlines(line: LineBudget, axis: AxisPlan) -> Iterator[Judgement]:
         return
     key, limit = ("axis", axis.name, "deadline_ms"), axis.deadline_ms * NS_PER_MS
     said = f"deadline_ms = {axis.deadline_ms:g}"
-    gateway_ns = round(axis.budget_us * NS_PER_MS / US_PER_MS)
+    own_ns = gateway_ns(axis)
     restaging_ns = sum(
         each.hold_ns for each in line.added if (each.added.axis, each.added.why) == (axis.name, Why.RESTAGE)
     )
-    before_ns = gateway_ns + restaging_ns
+    before_ns = own_ns + restaging_ns
     if before_ns > limit:
-        terms = sum_text(((gateway_ns, "gateway (budget_us)"), (restaging_ns, "target anew for its trigger")))
+        terms = sum_text(((own_ns, "gateway (budget_us)"), (restaging_ns, "target anew for its trigger")))
         what = "a trigger" if restaging_ns else "a target"
         found = f"{said}, but {what} of this axis may go out {ms(before_ns)} ms after it came ({terms})"
         remedy = f"allow more than {before_ns // NS_PER_MS + 1} ms, or make the drives' side faster"
         yield Judgement(Grade.IMPOSSIBLE, key, found, remedy)
         return
-    there_ns, terms_there = _there(line, axis, gateway_ns)
+    there_ns, terms_there = _there(line, axis, own_ns)
     if there_ns > limit:
         found = (
             f"{said}, and the drive has the whole target {ms(there_ns)} ms after the gateway ({terms_there})"
@@ -188,7 +188,7 @@ def _deadlines(line: LineBudget, axis: AxisPlan) -> Iterator[Judgement]:
         yield Judgement(Grade.CLOSE, key, found, remedy)
 
 
-def _there(line: LineBudget, axis: AxisPlan, gateway_ns: int) -> tuple[int, str]:
+def _there(line: LineBudget, axis: AxisPlan, own_ns: int) -> tuple[int, str]:
     """Return when the last byte of a target is at the drive, counted from its last byte at the gateway."""
     gap_ns, out_ns = max(
         (
@@ -200,8 +200,8 @@ def _there(line: LineBudget, axis: AxisPlan, gateway_ns: int) -> tuple[int, str]
         key=sum,
         default=(0, 0),
     )
-    terms = ((gateway_ns, "gateway"), (gap_ns, "silence since the exchange before"), (out_ns, "to the drive"))
-    return gateway_ns + gap_ns + out_ns, sum_text(terms)
+    terms = ((own_ns, "gateway"), (gap_ns, "silence since the exchange before"), (out_ns, "to the drive"))
+    return own_ns + gap_ns + out_ns, sum_text(terms)
 
 
 # --- a silent drive ----------------------------------------------------------------------------------------
@@ -235,7 +235,7 @@ def _starving(plan: LinePlan) -> Iterator[Judgement]:
             ("line", plan.name, "controllers", index, "timeout_ms"),
             f"timeout_ms = {limit_ms:g}, and a drive that falls silent keeps what moves others for "
             f"{wait_ms + drain_ms:g} ms ({wait_ms:g} {whose} + {drain_ms:g} drain_ms), "
-            + ("three times" if timing.retry_ms else "each time that it is asked"),
+            + ("three times" if timing.backs_off else "each time that it is asked"),
             "this controller then gives up on drives that would answer: set response_timeout_ms and drain_ms "
             f"to what the drives need, together below {limit_ms:g} (as in {EACH * limit_ms:g} each), and "
             "timeout_ms of the other controllers no longer than response_timeout_ms",

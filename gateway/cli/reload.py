@@ -29,10 +29,9 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
 
     A gateway that runs watches its table files by itself; this does not wait until they stand still. Each
     axis is for itself (a group as one): a bad table leaves what its axis had. Nothing moves by itself. Of
-    CONFIG it takes tables, gains, limits (max_correction, max_slope, travel_margin, budget_us), the end of
-    a dry run (compensation from "shadow" to "on", while the axis stands at its target), the page and MQTT;
-    with anything else changed nothing is taken, and what needs a restart is named. Without a
-    gateway everything is kept for its start.
+    CONFIG it takes tables, gains, limits such as max_correction, the end of a dry run (compensation from
+    "shadow" to "on", while the axis stands at its target), the page and MQTT; with anything else changed
+    nothing is taken, and what needs a restart is named. Without a gateway everything is kept for its start.
 
     Exit code 1 when anything is wrong; each problem is one line on stderr.
 

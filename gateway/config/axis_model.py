@@ -25,7 +25,7 @@ from gateway.config.values import (
     UnitId,
 )
 from gateway.drives.registers import RegisterMap
-from gateway.drives.strict import ByName, ListOf, StrictModel, documented
+from gateway.drives.strict import ByName, ListOf, Live, Planned, StrictModel, documented
 from gateway.exchange.plan import (
     DEFAULT_BUDGET_US,
     DEFAULT_UNSEEN_MS,
@@ -96,7 +96,7 @@ class AxisSection(StrictModel):
     line: str = Field(
         description="name of the [line.NAME] that its drive is on", json_schema_extra=documented(kind="name")
     )
-    unit_id: UnitId = Field(
+    unit_id: Planned[UnitId] = Field(
         description="Modbus unit id of its drive",
         json_schema_extra=documented(
             meaning=(
@@ -125,7 +125,7 @@ class AxisSection(StrictModel):
             more="See below; refused beside `drive`", default="required without `drive`"
         ),
     )
-    units: ByName[Units] = Field(
+    units: Planned[ByName[Units]] = Field(
         description="unit of every length of this axis",
         json_schema_extra=documented(
             meaning=(
@@ -134,7 +134,7 @@ class AxisSection(StrictModel):
             )
         ),
     )
-    counts_per_unit: CountsPerUnit = Field(
+    counts_per_unit: Planned[CountsPerUnit] = Field(
         description="counts of the drive in one unit, negative where it counts down",
         json_schema_extra=documented(
             meaning=(
@@ -143,9 +143,11 @@ class AxisSection(StrictModel):
             )
         ),
     )
-    zero_counts: Counts = Field(default=0.0, description="count of the drive at machine position 0")
-    machine_offset: Length = Field(default=0.0, description="machine position of the controller's zero")
-    travel: Travel | None = Field(
+    zero_counts: Planned[Counts] = Field(default=0.0, description="count of the drive at machine position 0")
+    machine_offset: Planned[Length] = Field(
+        default=0.0, description="machine position of the controller's zero"
+    )
+    travel: Planned[Travel | None] = Field(
         default=None,
         description="[lowest, highest] machine position",
         json_schema_extra=documented(
@@ -167,7 +169,7 @@ class AxisSection(StrictModel):
             default="none: not looked for",
         ),
     )
-    table: str | None = Field(
+    table: Live[str | None] = Field(
         default=None,
         description="name of its table file",
         json_schema_extra=documented(
@@ -181,12 +183,12 @@ class AxisSection(StrictModel):
             default="none: 1:1",
         ),
     )
-    table_options: TableOptionsSection = Field(
+    table_options: Live[TableOptionsSection] = Field(
         default=TableOptionsSection(),
         description="what the file cannot prove about itself",
         json_schema_extra=documented(more="See below"),
     )
-    compensation: ByName[CompensationMode] = Field(
+    compensation: Planned[Live[ByName[CompensationMode]]] = Field(
         default=CompensationMode.ON,
         description="on, shadow or off",
         json_schema_extra=documented(
@@ -198,8 +200,10 @@ class AxisSection(StrictModel):
             )
         ),
     )
-    gain: GainValue = Field(default=Gain(), description="share of the table that is applied, 0 to 1")
-    referenced: ByName[Reference] = Field(
+    gain: Planned[Live[GainValue]] = Field(
+        default=Gain(), description="share of the table that is applied, 0 to 1"
+    )
+    referenced: Planned[ByName[Reference]] = Field(
         description="how it is known that the axis knows where it is",
         json_schema_extra=documented(more="See below"),
     )
@@ -213,14 +217,14 @@ class AxisSection(StrictModel):
             )
         ),
     )
-    setpoints: ByName[Setpoints] = Field(
+    setpoints: Planned[ByName[Setpoints]] = Field(
         default=Setpoints.TARGETS,
         description="targets or a stream of setpoints",
         json_schema_extra=documented(
             meaning=("`targets`: the drive profiles each move; `stream`: a setpoint in every cycle")
         ),
     )
-    max_speed: LengthOrZero = Field(
+    max_speed: Planned[LengthOrZero] = Field(
         default=0.0,
         description="highest speed in units/s; 0: not known",
         json_schema_extra=documented(kind="units/s ≥ 0"),
@@ -266,7 +270,7 @@ class AxisSection(StrictModel):
             kind="counts ≥ 0",
         ),
     )
-    reversal: ReversalValue | None = Field(default=None, description="blend between the branches")
+    reversal: Planned[ReversalValue | None] = Field(default=None, description="blend between the branches")
     reload: ReloadSpec | None = Field(
         default=None,
         description="blend from one table to the next",
@@ -279,7 +283,7 @@ class AxisSection(StrictModel):
             default="`1` mm",
         ),
     )
-    outside: OutsideValue = Field(default=Outside(), description="what holds outside the table")
+    outside: Planned[OutsideValue] = Field(default=Outside(), description="what holds outside the table")
     modulo: PositiveLength | None = Field(
         default=None,
         description="length of one turn of a rotary axis",
@@ -291,7 +295,7 @@ class AxisSection(StrictModel):
             )
         ),
     )
-    max_correction: PositiveLength | None = Field(
+    max_correction: Live[PositiveLength | None] = Field(
         default=None,
         description="largest correction allowed",
         json_schema_extra=documented(
@@ -299,7 +303,7 @@ class AxisSection(StrictModel):
             default="`0.5` mm, or 0.3 mm/m of `travel` where that is more",
         ),
     )
-    travel_margin: LengthOrZero | None = Field(
+    travel_margin: Live[LengthOrZero | None] = Field(
         default=None,
         description="how far a corrected position may lie outside travel",
         json_schema_extra=documented(
@@ -307,14 +311,14 @@ class AxisSection(StrictModel):
             default="`max_correction`",
         ),
     )
-    max_slope: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
+    max_slope: Planned[Live[Annotated[float, Field(gt=0.0, lt=1.0)]]] = Field(
         default=settings.DEFAULT_MAX_SLOPE,
         description="steepest table allowed",
         json_schema_extra=documented(
             meaning="steeper tables are refused: change of the correction per unit of travel"
         ),
     )
-    fresh_ms: Milliseconds = Field(
+    fresh_ms: Planned[Milliseconds] = Field(
         default=settings.DEFAULT_FRESH_MS,
         description="age in milliseconds up to which a reading counts",
         json_schema_extra=documented(meaning="age up to which a measured position counts"),
@@ -341,7 +345,7 @@ class AxisSection(StrictModel):
             kind="list of `{ axis, table, fresh_s }`",
         ),
     )
-    budget_us: Microseconds = Field(
+    budget_us: Planned[Live[Microseconds]] = Field(
         default=DEFAULT_BUDGET_US,
         description="microseconds that the gateway itself may take for one exchange",
         json_schema_extra=documented(
@@ -407,7 +411,7 @@ class AxisSection(StrictModel):
             )
         ),
     )
-    lost_ms: Milliseconds = Field(
+    lost_ms: Planned[Milliseconds] = Field(
         default=1000.0,
         description="silence in milliseconds after which the drive may have been switched off",
         json_schema_extra=documented(
@@ -420,7 +424,7 @@ class AxisSection(StrictModel):
             )
         ),
     )
-    unseen_ms: Milliseconds = Field(
+    unseen_ms: Planned[Milliseconds] = Field(
         default=DEFAULT_UNSEEN_MS,
         description="time in milliseconds without a word of the axis after which it is looked at again",
         json_schema_extra=documented(
@@ -458,7 +462,7 @@ class AxisSection(StrictModel):
             )
         ),
     )
-    writer_hold_s: Annotated[float, Field(gt=0.0, le=86_400.0)] = Field(
+    writer_hold_s: Planned[Annotated[float, Field(gt=0.0, le=86_400.0)]] = Field(
         default=DEFAULT_WRITER_HOLD_S,
         description="seconds without a move after which another controller may move the axis",
         json_schema_extra=documented(

@@ -16,6 +16,7 @@ from gateway.config.tables import AxisTable
 from gateway.drives import library
 from gateway.drives.motion import Action
 from gateway.drives.registers import DoneMeans, NextTarget, OnException, RegisterMap
+from gateway.drives.strict import planned
 from gateway.exchange.plan import (
     AxisPlan,
     ControllerPlan,
@@ -58,6 +59,7 @@ def line_plan(
     line = sections.lines[name]
     axes = {axis_name: axis for axis_name, axis in sections.axes.items() if axis.line == name}
     return LinePlan(
+        **planned(LinePlan, line),
         name=name,
         drives=line.drives.endpoint,
         controllers=tuple(_controller_link(each, sections.folder) for each in line.controllers),
@@ -66,21 +68,13 @@ def line_plan(
             for axis_name, axis in axes.items()
         ),
         timing=LineTiming(
-            response_timeout_ms=line.response_timeout_ms,
+            **planned(LineTiming, line),
             drain_ms=line.response_timeout_ms if line.drain_ms is None else line.drain_ms,
-            retry_ms=line.retry_ms,
-            connect_delay_ms=line.connect_delay_ms,
-            max_connection_s=line.max_connection_s,
             connects_on_demand=line.connect is Connect.ON_DEMAND,
-            turnaround_ms=line.turnaround_ms,
             # Drives share the wire: the one that needs the longest silence sets the pace.
             gap_ms=max([line.gap_ms, *(_registers(axis).gap_ms for axis in axes.values())]),
-            quiet_ms=line.quiet_ms,
-            monitor_max_wait_ms=line.monitor_max_wait_ms,
         ),
         other_units=_other_units(line, {axis.unit_id for axis in axes.values()}),
-        answers_as=line.answers_as,
-        cut_through=line.cut_through,
         tape_bytes=sections.capture.tape_bytes,
         groups=tuple(group.axes for group in sections.groups.values() if set(group.axes) <= set(axes)),
     )
@@ -113,9 +107,8 @@ def known_stops() -> frozenset[StopWord]:
 
 def _controller_link(controller: ControllerSection, folder: Path) -> ControllerLink:
     plan = ControllerPlan(
-        controller.name,
-        controller.roles_in_use[0],
-        controller.timeout_ms,
+        **planned(ControllerPlan, controller),
+        role=controller.roles_in_use[0],
         serial=controller.tcp is None,
         rights=controller.rights,
     )
@@ -138,12 +131,10 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
     if axis.table is None and axis.backlash is not None:
         found = no_correction(settings)
     return AxisPlan(
+        **planned(AxisPlan, axis, registers),
         name=name,
-        unit_id=axis.unit_id,
         settings=settings,
         table=found,
-        compensation=axis.compensation,
-        referenced=axis.referenced,
         command=tuple(field for position in registers.command for field in position.fields()),
         actual=tuple(position.field() for position in registers.actual),
         commanded=tuple(position.field() for position in registers.commanded),
@@ -157,28 +148,17 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
             passes_stored_moves=axis.stored_moves is StoredMoves.UNCORRECTED,
             passes_unknown_relative=axis.relative_unknown is Unmapped.PASS,
         ),
-        addressing=registers.addressing,
         object_words={entry.address: entry.words for entry in registers.objects},
         reads_with=registers.read,
         writes_with=registers.write,
-        budget_us=axis.budget_us,
         deadline_ms=axis.deadline_ms or 0.0,
         late=axis.late or default_late(axis.setpoints),
-        lost_ms=axis.lost_ms,
-        unseen_ms=axis.unseen_ms,
-        done_drop_ms=registers.done_drop_ms,
         queues_targets=registers.next_target is NextTarget.QUEUED,
         done_is_in_position=registers.done_means is DoneMeans.IN_POSITION,
         bits={bit_name: bit.field() for bit_name, bit in registers.bits.named()},
-        max_registers=registers.max_registers,
-        response_ms=registers.response_ms,
-        safe_read=registers.safe_read,
-        checks_crc=registers.checks_crc,
         added_frames=axis.added_frames is AddedFrames.AUTO,
-        refused_read=registers.refused_read,
         exception_writes_nothing=registers.exception is OnException.NOTHING_WRITTEN,
         has_one_writer=axis.writers is Writers.ONE,
-        writer_hold_s=axis.writer_hold_s,
         drive=drive.name if drive is not None and drive.is_shipped else "",
         table_name=(axis.table or "") if table is None else table.path.name,
         table_format="" if table is None else table.source.format,

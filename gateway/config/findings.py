@@ -277,7 +277,7 @@ def _words(root: type[BaseModel], detail: ErrorDetails) -> tuple[str, str]:
     if kind == "value_error":
         return found, str(detail["ctx"]["error"])
     if kind in _OUT_OF_BOUNDS:
-        field = _field_at(root, place)
+        field = field_at(root, place)
         return found, f"allowed: {bounds_text(field) if field is not None else detail['msg']}"
     if kind in _WITH_CONTEXT:
         return found, "allowed: " + _WITH_CONTEXT[kind].format(**detail["ctx"]).replace("'", '"')
@@ -301,11 +301,12 @@ def keys_at(root: type[BaseModel], place: KeyPath) -> list[str]:
 
 
 def _description(root: type[BaseModel], place: KeyPath) -> str:
-    field = _field_at(root, place)
+    field = field_at(root, place)
     return (field.description or "") if field is not None else ""
 
 
-def _field_at(root: type[BaseModel], place: KeyPath) -> FieldInfo | None:
+def field_at(root: type[BaseModel], place: KeyPath) -> FieldInfo | None:
+    """Return the field of the key at ``place`` of a section; None where it knows none."""
     names = [part for part in place if isinstance(part, str)]
     model = _model_at(root, tuple(names[:-1]))
     return model.model_fields.get(names[-1]) if model is not None and names else None

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field
 from gateway.catalogue.events import EVENTS
 from gateway.config.findings import suggest
 from gateway.config.values import Name
-from gateway.drives.strict import ListOf, StrictModel, documented
+from gateway.drives.strict import ListOf, Live, StrictModel, documented
 from gateway.state.folder import DEFAULT_STATE
 
 
@@ -26,7 +26,7 @@ class GatewaySection(StrictModel):
     """What concerns the gateway as a whole."""
 
     name: Name = Field(default="gateway", description="name of this gateway in status and messages")
-    tables: Folder = Field(
+    tables: Live[Folder] = Field(
         default="tables",
         description="folder with the table files, relative to the configuration file",
         json_schema_extra=documented(kind="path"),
@@ -79,7 +79,7 @@ class CaptureSection(StrictModel):
             )
         ),
     )
-    on: ListOf[EventName] = Field(
+    on: Live[ListOf[EventName]] = Field(
         default=(),
         description="events that write the frames before and after them into a file",
         json_schema_extra=documented(
@@ -91,7 +91,7 @@ class CaptureSection(StrictModel):
             kind="list of events",
         ),
     )
-    keep: Annotated[int, Field(ge=1, le=1000)] = Field(
+    keep: Live[Annotated[int, Field(ge=1, le=1000)]] = Field(
         default=8, description="so many files are kept; the oldest gives way"
     )
 

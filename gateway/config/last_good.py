@@ -10,7 +10,8 @@ from enum import Enum
 
 from gateway.config.checks.files import ROUNDING, TableReading
 from gateway.config.load import Loaded
-from gateway.exchange.plan import AxisPlan, without_live_values
+from gateway.exchange.limits import without_live_values
+from gateway.exchange.plan import AxisPlan
 from gateway.state.plan import GatewayPlan
 from gateway.tabfile import TableState
 

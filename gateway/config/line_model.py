@@ -18,7 +18,7 @@ from gateway.config.values import (
     Tcp,
     UnitId,
 )
-from gateway.drives.strict import ByName, ListOf, StrictModel, documented
+from gateway.drives.strict import ByName, ListOf, Live, Planned, StrictModel, documented, planned
 from gateway.exchange.plan import LineTiming, Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits
@@ -47,7 +47,7 @@ class _SerialSettings(StrictModel):
 
     rtu: Device | None = Field(default=None, description="path of a serial port that carries Modbus RTU")
     tcp: Tcp | None = Field(default=None, description="HOST:PORT of Modbus TCP")
-    baudrate: Annotated[int, Field(ge=50, le=12_000_000)] = Field(
+    baudrate: Planned[Annotated[int, Field(ge=50, le=12_000_000)]] = Field(
         default=_SERIAL.baudrate,
         description="bits per second of the serial port",
         json_schema_extra=documented(more="Only with `rtu`"),
@@ -57,19 +57,19 @@ class _SerialSettings(StrictModel):
         description="parity of the serial port",
         json_schema_extra=documented(more="Only with `rtu`"),
     )
-    stop_bits: Annotated[int, Field(ge=1, le=2)] = Field(
+    stop_bits: Planned[Annotated[int, Field(ge=1, le=2)]] = Field(
         default=_SERIAL.stop_bits,
         description="stop bits of the serial port",
         json_schema_extra=documented(more="Only with `rtu`"),
     )
     # RTU carries whole bytes (Modbus over serial line V1.02, 2.5.1).
-    data_bits: Annotated[int, Field(ge=8, le=8)] = Field(
+    data_bits: Planned[Annotated[int, Field(ge=8, le=8)]] = Field(
         default=_SERIAL.data_bits,
         description="data bits of the serial port; RTU needs 8",
         json_schema_extra=documented(more="Only with `rtu`"),
     )
 
-    low_latency: bool = Field(
+    low_latency: Planned[bool] = Field(
         default=_SERIAL.low_latency,
         description="make the serial port's driver hand bytes over at once, where it can",
         json_schema_extra=documented(
@@ -80,11 +80,11 @@ class _SerialSettings(StrictModel):
             )
         ),
     )
-    echo: bool = Field(
+    echo: Planned[bool] = Field(
         default=_SERIAL.echo,
         description="the RS-485 adapter hears what it sends: it comes back, and is taken out",
     )
-    rs485: bool = Field(
+    rs485: Planned[bool] = Field(
         default=_SERIAL.rs485,
         description="set the RS-485 mode of the serial port's driver: it switches RTS",
         json_schema_extra=documented(
@@ -100,16 +100,7 @@ class _SerialSettings(StrictModel):
 
     def serial_endpoint(self, device: str) -> SerialEndpoint:
         """Return the serial port with its character format."""
-        return SerialEndpoint(
-            device,
-            self.baudrate,
-            self.parity.letter,
-            self.data_bits,
-            self.stop_bits,
-            echo=self.echo,
-            low_latency=self.low_latency,
-            rs485=self.rs485,
-        )
+        return SerialEndpoint(**planned(SerialEndpoint, self), device=device, parity=self.parity.letter)
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -154,7 +145,7 @@ class DrivesEndpoint(_SerialSettings):
             )
         ),
     )
-    echo: bool = Field(
+    echo: Planned[bool] = Field(
         default=_SERIAL.echo,
         description="the RS-485 adapter hears what it sends: it comes back, and is taken out",
         json_schema_extra=documented(
@@ -210,8 +201,8 @@ class ControllerSection(RightsKeys, _SerialSettings):
             )
         ),
     )
-    name: Name = Field(description="name of the controller, once in its line")
-    timeout_ms: Milliseconds = Field(
+    name: Planned[Name] = Field(description="name of the controller, once in its line")
+    timeout_ms: Planned[Milliseconds] = Field(
         default=1000.0, description="milliseconds after which this controller gives up on a request"
     )
     allow: ListOf[Network] = Field(
@@ -224,12 +215,12 @@ class ControllerSection(RightsKeys, _SerialSettings):
             )
         ),
     )
-    max_connections: Annotated[int, Field(ge=1, le=1024)] = Field(
+    max_connections: Planned[Annotated[int, Field(ge=1, le=1024)]] = Field(
         default=DEFAULT_LIMITS.max_connections,
         description="connections at once over tcp",
         json_schema_extra=documented(more="Not with `rtu`"),
     )
-    connects_per_s: Annotated[float, Field(gt=0.0, le=1e6)] = Field(
+    connects_per_s: Planned[Annotated[float, Field(gt=0.0, le=1e6)]] = Field(
         default=DEFAULT_LIMITS.connects_per_s,
         description="connections without an answer that one host may open in a second over tcp, in the mean",
         json_schema_extra=documented(
@@ -249,7 +240,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
             default="never",
         ),
     )
-    silent_after_s: Annotated[float, Field(ge=0.0, le=1e7)] | None = Field(
+    silent_after_s: Live[Annotated[float, Field(ge=0.0, le=1e7)] | None] = Field(
         default=None,
         description="seconds without a request after which this controller is missed and its axes are not "
         "healthy; 0: it comes and goes",
@@ -278,7 +269,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
     @property
     def limits(self) -> ConnectionLimits:
         """The limits of its connections in plain data."""
-        return ConnectionLimits(self.max_connections, self.connects_per_s, self.idle_timeout_s or 0.0)
+        return ConnectionLimits(**planned(ConnectionLimits, self), idle_timeout_s=self.idle_timeout_s or 0.0)
 
     @property
     def roles_in_use(self) -> tuple[Role, ...]:
@@ -319,7 +310,7 @@ class LineSection(StrictModel):
     controllers: Annotated[ListOf[ControllerSection], Field(min_length=1)] = Field(
         description="one [[line.NAME.controllers]] for each controller"
     )
-    response_timeout_ms: Milliseconds = Field(
+    response_timeout_ms: Planned[Milliseconds] = Field(
         default=_TIMING.response_timeout_ms,
         description="milliseconds that a drive has for its answer",
         json_schema_extra=documented(
@@ -344,7 +335,7 @@ class LineSection(StrictModel):
             default="`response_timeout_ms`",
         ),
     )
-    retry_ms: MillisecondsOrZero = Field(
+    retry_ms: Planned[MillisecondsOrZero] = Field(
         default=_TIMING.retry_ms,
         description="milliseconds after which a unit id that left three requests unanswered is tried again, "
         "doubling to 10 s; 0: it is always asked",
@@ -375,7 +366,7 @@ class LineSection(StrictModel):
             )
         ),
     )
-    connect_delay_ms: MillisecondsOrZero = Field(
+    connect_delay_ms: Planned[MillisecondsOrZero] = Field(
         default=_TIMING.connect_delay_ms,
         description="milliseconds between a connection to the drives and the first request on it, over tcp",
         json_schema_extra=documented(
@@ -387,7 +378,7 @@ class LineSection(StrictModel):
             )
         ),
     )
-    max_connection_s: Annotated[float, Field(ge=0.0, le=1e6)] = Field(
+    max_connection_s: Planned[Annotated[float, Field(ge=0.0, le=1e6)]] = Field(
         default=_TIMING.max_connection_s,
         description="seconds after which a connection to the drives is made anew, over tcp; 0: never",
         json_schema_extra=documented(
@@ -398,7 +389,7 @@ class LineSection(StrictModel):
             )
         ),
     )
-    turnaround_ms: MillisecondsOrZero = Field(
+    turnaround_ms: Planned[MillisecondsOrZero] = Field(
         default=_TIMING.turnaround_ms,
         description="milliseconds of pause after a broadcast",
         json_schema_extra=documented(more="As in Modbus over serial line V1.02, 2.4.1"),
@@ -414,7 +405,7 @@ class LineSection(StrictModel):
             )
         ),
     )
-    quiet_ms: MillisecondsOrZero = Field(
+    quiet_ms: Planned[MillisecondsOrZero] = Field(
         default=_TIMING.quiet_ms,
         description="milliseconds without a motion exchange after which a monitor's exchange may start",
         json_schema_extra=documented(
@@ -445,7 +436,7 @@ class LineSection(StrictModel):
             default="none",
         ),
     )
-    answers_as: UnitId | None = Field(
+    answers_as: Planned[UnitId | None] = Field(
         default=None,
         description="the unit id that the one Modbus/TCP drive answers with, where it is not its own",
         json_schema_extra=documented(
@@ -457,7 +448,7 @@ class LineSection(StrictModel):
             default="its own",
         ),
     )
-    cut_through: bool = Field(
+    cut_through: Planned[bool] = Field(
         default=False,
         description="let frames leave while they still arrive, between serial ports (RTU to RTU)",
         json_schema_extra=documented(
@@ -471,7 +462,7 @@ class LineSection(StrictModel):
             )
         ),
     )
-    monitor_max_wait_ms: Milliseconds = Field(
+    monitor_max_wait_ms: Planned[Milliseconds] = Field(
         default=_TIMING.monitor_max_wait_ms,
         description="milliseconds after which a monitor's request no longer waits for a gap that it fits",
         json_schema_extra=documented(

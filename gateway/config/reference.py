@@ -28,7 +28,7 @@ from gateway.config.terms_model import CrossSpec, TemperatureSource, ThermalSpec
 from gateway.config.tls_model import ControllerTls
 from gateway.drives.registers import ActualSpec, BitSpec, CommandSpec, PositionSpec, RegisterMap
 from gateway.drives.rules import ModeSpec, TriggerSpec
-from gateway.drives.strict import documented
+from gateway.drives.strict import Mark, documented
 from gateway.drives.words import Address, Word
 
 
@@ -172,7 +172,15 @@ def kind_text(model: type[BaseModel], key: str) -> str:
     >>> kind_text(ControllerSection, "timeout_ms"), kind_text(ControllerSection, "allow")
     ('ms > 0', 'list of networks')
     """
-    return _kind(get_type_hints(model, include_extras=True)[key], model.model_fields[key], key)
+    hint = get_type_hints(model, include_extras=True)[key]
+    return _kind(_without_marks(hint), model.model_fields[key], key)
+
+
+def _without_marks(hint: Any) -> Any:
+    """Return a type as if the key were not marked."""
+    inside, *said = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    rest = tuple(each for each in said if not isinstance(each, Mark))
+    return Annotated[(inside, *rest)] if rest else inside
 
 
 def default_text(field: FieldInfo) -> str:

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from gateway.drives.strict import ListOf, StrictModel, documented
+from gateway.drives.strict import ListOf, Planned, StrictModel, documented, planned
 from gateway.state.plan import RelayOptions
 
 HIGHEST_PRIORITY = 99
@@ -30,7 +30,7 @@ Cpus = Annotated[
 class RelaySection(StrictModel):
     """Scheduling of the relay; what the system refuses it goes without, and says so."""
 
-    fifo: Annotated[int, Field(ge=0, le=HIGHEST_PRIORITY)] = Field(
+    fifo: Planned[Annotated[int, Field(ge=0, le=HIGHEST_PRIORITY)]] = Field(
         default=_DEFAULT.fifo,
         description="real-time priority (SCHED_FIFO), 0 for none",
         json_schema_extra=documented(
@@ -40,7 +40,7 @@ class RelaySection(StrictModel):
             )
         ),
     )
-    cpus: Cpus = Field(
+    cpus: Planned[Cpus] = Field(
         default=_DEFAULT.cpus,
         description="CPUs that the relay runs on; none named: any",
         json_schema_extra=documented(
@@ -50,11 +50,11 @@ class RelaySection(StrictModel):
             )
         ),
     )
-    lock_memory: bool = Field(
+    lock_memory: Planned[bool] = Field(
         default=_DEFAULT.lock_memory, description="keep the memory of the relay from being paged out"
     )
 
     @property
     def options(self) -> RelayOptions:
         """The section in plain data."""
-        return RelayOptions(self.fifo, self.cpus, self.lock_memory)
+        return RelayOptions(**planned(RelayOptions, self))

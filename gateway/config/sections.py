@@ -1,5 +1,6 @@
 """The sections of a document as models: as many as can be had, so that all problems are seen at once."""
 
+import re
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -9,7 +10,7 @@ from typing import Any, Final, TypeVar
 from pydantic import ValidationError
 
 from gateway.config.axis_model import AxisSection, GroupSection
-from gateway.config.findings import UNKNOWN_KEY, Findings, existing, explain, suggest
+from gateway.config.findings import UNKNOWN_KEY, Findings, existing, explain, field_at, suggest
 from gateway.config.gateway_model import CaptureSection, GatewaySection, StatusUnitSection
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
@@ -18,7 +19,7 @@ from gateway.config.problems import shown
 from gateway.config.relay_model import RelaySection
 from gateway.config.toml import KeyPath
 from gateway.config.values import read_name
-from gateway.drives.strict import StrictModel
+from gateway.drives.strict import Mark, StrictModel
 
 Model = TypeVar("Model", bound=StrictModel)
 
@@ -35,6 +36,8 @@ NAMED: Final[Mapping[str, type[StrictModel]]] = {
     "axis": AxisSection,
     "group": GroupSection,
 }
+LIVE: Final = frozenset({"http", "mqtt"})
+"""Sections of which a gateway that runs can be given every key."""
 AXIS_STAND_INS: Final[Mapping[str, Any]] = {
     "line": "",
     "unit_id": 1,
@@ -137,6 +140,23 @@ def _partial_axes(findings: Findings, whole: Mapping[str, AxisSection]) -> dict[
         if axis is not None:
             partial[name] = axis
     return partial
+
+
+def is_live(key: str) -> bool:
+    """Whether a gateway that runs can be given another value of a key, named as by ``compile.keys_of``.
+
+    >>> is_live("axis.x.gain.forward"), is_live("line.a.controllers[2].silent_after_s"), is_live("mqtt.host")
+    (True, True, True)
+    >>> is_live("axis.x.unit_id"), is_live("gateway.state"), is_live("unknown.key")
+    (False, False, False)
+    """
+    kind, *place = re.sub(r"\[\d+\]", "", key).split(".")
+    model = {**SINGLE, **NAMED}.get(kind)
+    if kind in LIVE or model is None:
+        return kind in LIVE
+    inside = tuple(place[kind in NAMED :])
+    fields = (field_at(model, inside[:depth]) for depth in range(1, len(inside) + 1))
+    return any(field is not None and Mark.LIVE in field.metadata for field in fields)
 
 
 def read_section(findings: Findings, model: type[Model], raw: object, path: KeyPath) -> Model | None:

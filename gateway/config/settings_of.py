@@ -14,6 +14,7 @@ from gateway.compensation.settings import (
 )
 from gateway.config.axis_model import AxisSection
 from gateway.config.terms_model import ThermalSpec
+from gateway.drives.strict import planned
 
 SOME_COUNTS: Final = 1e4
 """Where an axis without travel ends as far as the steps of a ``float32`` are concerned: 10 m in mm."""
@@ -27,25 +28,14 @@ def settings_of(axis: AxisSection) -> AxisSettings:
         length = axis.travel[1] - axis.travel[0] if axis.travel else 0.0
         max_correction = default_max_correction(units, length)
     settings = AxisSettings(
-        units=units,
-        counts_per_unit=axis.counts_per_unit,
-        zero_counts=axis.zero_counts,
-        machine_offset=axis.machine_offset,
-        travel=axis.travel,
+        **planned(AxisSettings, axis),
         travel_margin=max_correction if axis.travel_margin is None else axis.travel_margin,
-        setpoints=axis.setpoints,
-        reversal=axis.reversal,
         reload_distance=units.from_mm(DEFAULT_RELOAD_DISTANCE_MM)
         if axis.reload is None
         else axis.reload.distance,
-        outside=axis.outside,
         modulo=axis.modulo or 0.0,
-        gain=axis.gain,
         backlash=None if axis.backlash is None else Backlash(axis.backlash.width, axis.backlash.kind),
         max_correction=max_correction,
-        max_slope=axis.max_slope,
-        max_speed=axis.max_speed,
-        fresh_ms=axis.fresh_ms,
         home_approach=axis.home_approach.sign,
         in_position=units.from_mm(DEFAULT_IN_POSITION_MM) if axis.in_position is None else axis.in_position,
         repeat_within_counts=axis.repeat_within,
@@ -70,12 +60,4 @@ def _step_counts(axis: AxisSection, settings: AxisSettings) -> float:
 
 def thermal_of(thermal: ThermalSpec) -> ThermalSettings:
     """Return what the relay has to know of ``thermal``: not where the temperature comes from."""
-    return ThermalSettings(
-        thermal.alpha,
-        thermal.reference,
-        thermal.fixed_at,
-        thermal.timeout_s,
-        thermal.hold_s,
-        thermal.rate_per_min,
-        thermal.largest_dt,
-    )
+    return ThermalSettings(**planned(ThermalSettings, thermal))

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field
 from gateway.compensation import settings
 from gateway.config.mqtt_model import read_topic
 from gateway.config.values import Length, Name, Tcp
-from gateway.drives.strict import ByName, StrictModel, documented
+from gateway.drives.strict import ByName, Live, Planned, StrictModel, documented
 from gateway.drives.words import Address
 from gateway.modbus.registers import RegisterType, WordOrder
 
@@ -67,15 +67,17 @@ class TemperatureSource(StrictModel):
 class ThermalSpec(StrictModel):
     """How the length of the screw follows its temperature."""
 
-    alpha: Annotated[float, Field(gt=0.0, le=LARGEST_ALPHA)] = Field(
+    alpha: Planned[Annotated[float, Field(gt=0.0, le=LARGEST_ALPHA)]] = Field(
         description="expansion of the screw per kelvin, about 11.5e-6 for steel",
         json_schema_extra=documented(
             meaning=("how much longer the screw becomes with each kelvin: about `11.5e-6` for steel"),
             kind="per kelvin, 0 to 0.001",
         ),
     )
-    reference: Celsius = Field(default=20.0, description="temperature at which the table holds, in °C")
-    fixed_at: Length = Field(
+    reference: Planned[Celsius] = Field(
+        default=20.0, description="temperature at which the table holds, in °C"
+    )
+    fixed_at: Planned[Length] = Field(
         default=0.0,
         description="machine position that stays where it is when the screw grows",
         json_schema_extra=documented(
@@ -85,16 +87,16 @@ class ThermalSpec(StrictModel):
             )
         ),
     )
-    source: TemperatureSource = Field(
+    source: Live[TemperatureSource] = Field(
         description="where the temperature is heard",
         json_schema_extra=documented(
             more="`{ mqtt = … }` or `{ modbus = …, address = … }`, see below", kind="table"
         ),
     )
-    timeout_s: Seconds = Field(
+    timeout_s: Planned[Seconds] = Field(
         default=60.0, description="seconds without a temperature after which the sensor is silent"
     )
-    hold_s: Annotated[float, Field(ge=0.0, le=LONGEST_S)] = Field(
+    hold_s: Planned[Annotated[float, Field(ge=0.0, le=LONGEST_S)]] = Field(
         default=600.0,
         description="seconds for which the last temperature is held after that",
         json_schema_extra=documented(
@@ -104,7 +106,7 @@ class ThermalSpec(StrictModel):
             )
         ),
     )
-    rate_per_min: Annotated[float, Field(gt=0.0, le=60.0)] = Field(
+    rate_per_min: Planned[Annotated[float, Field(gt=0.0, le=60.0)]] = Field(
         default=settings.DEFAULT_KELVIN_PER_MIN,
         description="kelvins per minute that are followed at most",
         json_schema_extra=documented(
@@ -113,7 +115,7 @@ class ThermalSpec(StrictModel):
             )
         ),
     )
-    largest_dt: Annotated[float, Field(gt=0.0, le=200.0)] = Field(
+    largest_dt: Planned[Annotated[float, Field(gt=0.0, le=200.0)]] = Field(
         default=settings.DEFAULT_LARGEST_DT,
         description="kelvins from the reference beyond which a value is no temperature of the screw",
         json_schema_extra=documented(

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from gateway.drives.motion import Addressing, Form, MotionPlan
 from gateway.drives.rules import ModeSource, ModeSpec, TriggerSpec
-from gateway.drives.strict import ByName, ListOf, StrictModel, documented
+from gateway.drives.strict import ByName, ListOf, Planned, StrictModel, documented
 from gateway.drives.words import LAST_ADDRESS, Address, Bit
 from gateway.modbus.registers import (
     BitField,
@@ -336,7 +336,7 @@ class RegisterMap(StrictModel):
             )
         ),
     )
-    done_drop_ms: Annotated[float, Field(ge=0.0, le=MAX_DROP_MS)] = Field(
+    done_drop_ms: Planned[Annotated[float, Field(ge=0.0, le=MAX_DROP_MS)]] = Field(
         default=1000.0,
         description="milliseconds that bits.done may still be that of the move before",
         json_schema_extra=documented(
@@ -380,7 +380,7 @@ class RegisterMap(StrictModel):
             )
         ),
     )
-    addressing: ByName[Addressing] = Field(
+    addressing: Planned[ByName[Addressing]] = Field(
         default=Addressing.REGISTERS,
         description="whether an address is a register or an object of its own width",
         json_schema_extra=documented(
@@ -421,7 +421,7 @@ class RegisterMap(StrictModel):
             kind='`"fc16"`, `"fc06"`, `"mei"`',
         ),
     )
-    refused_read: Annotated[int, Field(ge=0, le=255)] = Field(
+    refused_read: Planned[Annotated[int, Field(ge=0, le=255)]] = Field(
         default=0,
         description="function byte with which the drive refuses every read; 0: the usual one",
         json_schema_extra=documented(
@@ -435,20 +435,20 @@ class RegisterMap(StrictModel):
     exception: ByName[OnException] = Field(
         default=OnException.UNKNOWN, description="what a refusal by the drive proves"
     )
-    safe_read: bool = Field(
+    safe_read: Planned[bool] = Field(
         default=True, description="the gateway may read mapped positions and bits by itself"
     )
-    checks_crc: bool = Field(
+    checks_crc: Planned[bool] = Field(
         default=True,
         description="the drive obeys no frame with a wrong check sum and does not answer it either",
     )
-    max_registers: Annotated[int, Field(ge=1, le=MAX_REGISTERS)] = Field(
+    max_registers: Planned[Annotated[int, Field(ge=1, le=MAX_REGISTERS)]] = Field(
         default=DEFAULT_MAX_REGISTERS, description="most registers that the drive takes in one frame"
     )
     gap_ms: Annotated[float, Field(ge=0.0, le=MAX_GAP_MS)] = Field(
         default=0.0, description="silence in milliseconds that the drive needs before a request"
     )
-    response_ms: Annotated[float, Field(ge=0.0, le=MAX_GAP_MS)] | None = Field(
+    response_ms: Planned[Annotated[float, Field(ge=0.0, le=MAX_GAP_MS)] | None] = Field(
         default=None,
         description="milliseconds that the drive takes before it answers; only the budget reckons with it",
         json_schema_extra=documented(

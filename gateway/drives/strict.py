@@ -1,6 +1,7 @@
 """The base of everything that is read from a file: nothing extra, nothing converted."""
 
-from typing import Annotated, TypeVar
+from enum import Enum
+from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
@@ -18,6 +19,32 @@ Element = TypeVar("Element")
 # step is relaxed; what stands inside stays strict.
 ByName = Annotated[Element, Field(strict=False)]
 ListOf = Annotated[tuple[Element, ...], Field(strict=False)]
+
+
+class Mark(Enum):
+    """What a key declares in its type, beside what may stand there."""
+
+    PLANNED = "planned"
+    LIVE = "live"
+
+
+Planned = Annotated[Element, Mark.PLANNED]
+"""The plan has a field of the same name and takes the value as it is (:func:`planned`)."""
+Live = Annotated[Element, Mark.LIVE]
+"""A gateway that runs can be given another value; of a table, of any key in it."""
+
+
+def planned(plan: type[Any], *models: StrictModel) -> dict[str, Any]:
+    """Return the values of keys marked :data:`Planned`, by name: of those that ``plan`` takes.
+
+    ``plan`` is a dataclass or a struct of msgspec.
+    """
+    return {
+        key: getattr(model, key)
+        for model in models
+        for key, field in type(model).model_fields.items()
+        if key in plan.__match_args__ and Mark.PLANNED in field.metadata
+    }
 
 
 def documented(meaning: str = "", more: str = "", kind: str = "", default: str = "") -> dict[str, JsonValue]:

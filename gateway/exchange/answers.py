@@ -193,7 +193,7 @@ class Answers:
     def __init__(self, timing: LineTiming, *, is_serial: bool) -> None:
         self._drain_ns = int((timing.drain_ms or timing.response_timeout_ms) * NS_PER_MS) * is_serial
         self._retry_ns = int(timing.retry_ms * NS_PER_MS)
-        self.backs_off = self._retry_ns > 0
+        self.backs_off = timing.backs_off
         """Whether dead units are not asked any more, but for trials."""
         self.answered_ns = vec[i64]([0] * UNIT_IDS)
         """When each unit id answered last; 0: never. For the status."""

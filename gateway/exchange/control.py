@@ -24,7 +24,7 @@ from gateway.exchange.commands import (
     TableFor,
     axes_of,
 )
-from gateway.exchange.limits import Limits, limits_of
+from gateway.exchange.limits import limits_of, values_of, with_limits
 
 ROUNDING: Final = 1e-9
 """Share of a limit by which decimal fractions and conversions may exceed it."""
@@ -64,14 +64,9 @@ def carry_out(
             gain = Gain(command.forward, command.backward)
             return set_gain(axes, name, gain, is_configured=command.is_configured)
         case SetLimits():
-            return dict.fromkeys(set_limits(axes, name, limits_in(command)), "")
+            return dict.fromkeys(set_limits(axes, command), "")
         case SetTemperature():
             return dict.fromkeys(set_temperature(axes, name, command.celsius, now_ns), "")
-
-
-def limits_in(command: SetLimits) -> Limits:
-    """Return the limits that a command sets."""
-    return Limits(command.max_correction, command.max_slope, command.travel_margin, command.budget_us)
 
 
 def switch(axes: Sequence[Axis], name: str, *, is_wanted: bool) -> tuple[str, ...]:
@@ -190,23 +185,17 @@ def set_gain(axes: Sequence[Axis], name: str, gain: Gain, *, is_configured: bool
     return {axis.plan.name: _comes(axis) for axis in members}
 
 
-def set_limits(axes: Sequence[Axis], name: str, limits: Limits) -> tuple[str, ...]:
+def set_limits(axes: Sequence[Axis], limits: SetLimits) -> tuple[str, ...]:
     """Give an axis other limits, from now on; return its name where they were others.
 
     Raises:
         ControlError: no such axis.
     """
-    axis = _group_of(axes, name)[0]
-    if limits_of(axis.plan) == limits:
+    axis, values = _group_of(axes, limits.axis)[0], values_of(limits)
+    if values_of(limits_of(axis.plan)) == values:
         return ()
-    settings = replace(
-        axis.plan.settings,
-        max_correction=limits.max_correction,
-        max_slope=limits.max_slope,
-        travel_margin=limits.travel_margin,
-    )
-    axis.limit(replace(axis.plan, settings=settings, budget_us=limits.budget_us), settings)
-    return (name,)
+    axis.limit(with_limits(axis.plan, values))
+    return (limits.axis,)
 
 
 def set_temperature(axes: Sequence[Axis], name: str, celsius: float, now_ns: int) -> tuple[str, ...]:

@@ -25,7 +25,6 @@ from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import FastPath, Phase, Transaction
 from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
 from gateway.modbus.rtu_line import pause_ns
-from gateway.modbus.rtu_requests import NO_UNITS
 from gateway.times import NS_PER_MS
 
 SPOILT_SILENCES: Final = 3
@@ -95,6 +94,10 @@ class CutLine:
         units: the register maps of the line.
         wire: of the drives.
         gap_ns: silence that the drives want before each request.
+        stored_units: of devices that are no axes: only silence may say where a frame of theirs ends.
+        on_change: called when a frame has gone on that was cut through: the deadline of the line may be
+            another.
+        tell_no_gain: told once for each port and direction that cut-through gains nothing there, and why.
         tap: listens. What is no whole frame yet it does not hear.
     """
 
@@ -106,15 +109,17 @@ class CutLine:
         wire: Wire,
         gap_ns: int,
         *,
-        tap: Tap | None = None,
+        stored_units: frozenset[int],
+        on_change: Callable[[], None],
+        tell_no_gain: Callable[[str], None],
+        tap: Tap | None,
     ) -> None:
         self.tap = tap
         self.line = line
         self.link = link
         self.units = units
         self.wire = wire
-        self.stored_units = NO_UNITS
-        """Of devices that are no axes: only silence may say where a frame of theirs ends."""
+        self.stored_units = stored_units
         self.silence_ns = max(gap_ns, SPOILT_SILENCES * wire.silence_ns)
         """After a spoilt request."""
         self.requests = dict.fromkeys(Turn, 0)
@@ -125,13 +130,11 @@ class CutLine:
         self.replies_stored = dict.fromkeys(Turn, 0)
         self.requests_gain_ns = self.replies_gain_ns = 0
         """How much sooner all that were cut through began to leave than they were whole."""
-        self.tell_no_gain: Callable[[str], None] = _tell_nobody
-        """Told once for each port and direction that cut-through gains nothing there, and why."""
+        self.tell_no_gain = tell_no_gain
         self._told: set[tuple[str, str]] = set()
         self.torn = 0
         """Frames inside of which the transmitter was empty."""
-        self.on_change: Callable[[], None] = _do_nothing
-        """Called when a frame has gone on that was cut through: the deadline of the line may be another."""
+        self.on_change = on_change
         self.reply = ReplyCutter(self)
         self._cutters: dict[ControllerPort, RequestCutter] = {}
 
@@ -477,11 +480,3 @@ def _sent_pdu(transaction: Transaction) -> bytes:
         return pdu[:start] + target.corrected_words + pdu[end:]
     rewritings = transaction.rewritings
     return rewritings[0].sent_pdu if len(rewritings) == 1 else pdu
-
-
-def _do_nothing() -> None:
-    pass
-
-
-def _tell_nobody(_: str) -> None:
-    pass

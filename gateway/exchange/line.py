@@ -164,10 +164,17 @@ class LineExchange(CuttingLine):
         """Of a line whose frames may leave while they arrive; ``cut_through`` is the wire of its drives."""
         if cut_through is not None:
             gap_ns = int(timing.gap_ms * NS_PER_MS)
-            self.cuts = CutLine(self, link, self._units, cut_through, gap_ns, tap=tap)
-            self.cuts.on_change = self._settle
-            self.cuts.stored_units = other_units.unit_ids
-            self.cuts.tell_no_gain = lambda why: on_event(Event(EventKind.CUT_THROUGH_OFF, None, why))
+            self.cuts = CutLine(
+                self,
+                link,
+                self._units,
+                cut_through,
+                gap_ns,
+                stored_units=other_units.unit_ids,
+                on_change=self._settle,
+                tell_no_gain=lambda why: on_event(Event(EventKind.CUT_THROUGH_OFF, None, why)),
+                tap=tap,
+            )
 
     @property
     def deadline_ns(self) -> int | None:
@@ -393,7 +400,7 @@ class LineExchange(CuttingLine):
         if self.cuts is not None:
             self.cuts.gone(port, now_ns)
             if self._current is not None and self._current.port is port:
-                self.cuts.reply.end(Turn.LOST, now_ns)
+                self._end_reply(Turn.LOST, now_ns)
         self._give_up(port, "its connection closed", now_ns)
         self._admission.gone(port, now_ns, is_broken=is_broken)
         if is_broken and self._current is not None and self._current.port is port:
@@ -405,8 +412,7 @@ class LineExchange(CuttingLine):
         for transaction in self._waiting.give_up(port):
             self._withdraw(transaction, reason, now_ns)
         if self._current and self._current.port is port:
-            if self.cuts is not None:
-                self.cuts.reply.end(Turn.ANEW, now_ns)
+            self._end_reply(Turn.ANEW, now_ns)
             self._current.give_up()
 
     def note_standstill(self, gap_ns: int) -> None:
@@ -427,7 +433,7 @@ class LineExchange(CuttingLine):
             axis.settle_group(now_ns)
         changed = carry_out(self.axes, command, now_ns, tables)
         if isinstance(command, SetLimits):
-            self.meter.set_budget(command.axis, command.budget_us)
+            self.meter.take_limits(self.axes)
         elif isinstance(command, EndDryRun):
             self._units.forget_paths()
         self._report(self.axes)
@@ -702,8 +708,7 @@ class LineExchange(CuttingLine):
             current.begin_anew()
             self._waiting.put_back(current)
         elif current is not None:
-            if self.cuts is not None:
-                self.cuts.reply.end(Turn.GONE, now_ns)
+            self._end_reply(Turn.GONE, now_ns)
             self._end_unanswered(current, now_ns)
         self._keep_waiting(now_ns)
         self._report(self.axes)
@@ -1386,6 +1391,11 @@ class LineExchange(CuttingLine):
         self._gaps.ended(transaction, now_ns, until_ns)
         self._next(now_ns)
 
+    def _end_reply(self, why: Turn, now_ns: int) -> None:
+        """Let no more leave of a reply that is leaving."""
+        if self.cuts is not None:
+            self.cuts.reply.end(why, now_ns)
+
     def _spoil(self, transaction: Transaction, why: Turn, now_ns: int) -> None:
         """Let no more leave of a request that is leaving."""
         assert self.cuts is not None
@@ -1477,8 +1487,7 @@ class LineExchange(CuttingLine):
         if self._tap is not None:
             self._tap.abandoned()
         self._link.abandon()
-        if self.cuts is not None:
-            self.cuts.reply.end(Turn.STALLED, now_ns)
+        self._end_reply(Turn.STALLED, now_ns)
         self._current = None
         self.counters.timeouts += 1
         unit_id = transaction.wire_unit_id

@@ -70,13 +70,18 @@ class AxisBudget:
     def __init__(self, axis: Axis) -> None:
         self.axis = axis.plan.name
         self.unit_id = axis.plan.unit_id
-        self.budget_ns = int(axis.plan.budget_us * NS_PER_US)
+        self.budget_ns = 0
+        self.take_limits(axis)
         self.overruns = 0
         self.is_over = False
         self.within = 0
         """Transactions since the last overrun, while it lasts."""
         self.exceeded_ns = 0
         """When the last overrun was."""
+
+    def take_limits(self, axis: Axis) -> None:
+        """Hold the axis against the budget that its plan has now."""
+        self.budget_ns = int(axis.plan.budget_us * NS_PER_US)
 
     def exceed(self, now_ns: int) -> bool:
         """Note an overrun; return whether it is the first one of several."""
@@ -129,9 +134,10 @@ class LineMeter:
         """Transactions that took longer than the budget of their axis."""
         return sum(budget.overruns for budget in self.axes.values())
 
-    def set_budget(self, axis: str, budget_us: float) -> None:
-        """Hold an axis against another budget from now on."""
-        self.axes[axis].budget_ns = int(budget_us * NS_PER_US)
+    def take_limits(self, axes: Iterable[Axis]) -> None:
+        """Hold the axes of the line against the budgets that their plans have now."""
+        for axis in axes:
+            self.axes[axis.plan.name].take_limits(axis)
         for key, measured in self.measured.items():
             measured.budget_ns = self._smallest_ns(key)
 

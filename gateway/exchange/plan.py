@@ -1,15 +1,16 @@
 """What the exchange needs to know, checked and frozen before it runs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from gateway.compensation.settings import AxisSettings, Gain, Setpoints, ThermalSettings
+from gateway.compensation.settings import AxisSettings, Setpoints, ThermalSettings
 from gateway.compensation.table import CorrectionTable
 from gateway.drives.motion import DIRECT, Addressing, Form, MotionPlan
 from gateway.exchange.rights import UNLIMITED, Rights
 from gateway.modbus.registers import BitField, PositionField
+from gateway.times import NS_PER_MS
 
 HOMED_BIT: Final = "homed"
 DONE_BIT: Final = "done"
@@ -184,22 +185,6 @@ class AxisPlan:
         return self.motion.waits_for_trigger or any(self.motion.modes) or bool(self.settable)
 
 
-def without_live_values(plan: AxisPlan) -> AxisPlan:
-    """Return a plan without its table and what else an axis that runs can be given (``exchange.control``)."""
-    settings = replace(plan.settings, gain=Gain(), max_correction=0.0, max_slope=0.0, travel_margin=0.0)
-    is_off = plan.compensation is CompensationMode.OFF
-    return replace(
-        plan,
-        settings=settings,
-        budget_us=0.0,
-        table=None,
-        table_name="",
-        table_format="",
-        table_digest="",
-        compensation=CompensationMode.OFF if is_off else CompensationMode.ON,  # a dry run may end
-    )
-
-
 @dataclass(frozen=True, slots=True, order=True)
 class StopWord:
     """What stops some drive: a register, or a coil, that is written with a certain content."""
@@ -250,3 +235,8 @@ class LineTiming:
     """A connection to the drives is made anew after as long, once nothing is under way; 0: never."""
     connects_on_demand: bool = False
     """The connection is made for a request, and closed when none comes."""
+
+    @property
+    def backs_off(self) -> bool:
+        """Whether a unit that left three requests in a row unanswered is not asked, but for trials."""
+        return int(self.retry_ms * NS_PER_MS) > 0

@@ -5,7 +5,6 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -33,8 +32,9 @@ from gateway.exchange.commands import (
     axes_of,
     for_axis,
 )
-from gateway.exchange.control import ControlError, limits_in
+from gateway.exchange.control import ControlError
 from gateway.exchange.latency_status import BOUNDS_US
+from gateway.exchange.limits import values_of
 from gateway.exchange.line import LineExchange
 from gateway.ipc.desk import Desk
 from gateway.ipc.messages import (
@@ -301,7 +301,7 @@ class Relay:
             case SetGain():
                 what, more = tables.GAIN_CHANGED, {"forward": command.forward, "backward": command.backward}
             case SetLimits():
-                what, more = tables.LIMITS_CHANGED, asdict(limits_in(command))
+                what, more = tables.LIMITS_CHANGED, {**values_of(command)}
             case SetTable():
                 for wanted, table in zip(command.tables, loaded, strict=True):
                     self._journal.note(

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -31,10 +30,9 @@ from gateway.exchange.commands import (
     SetTable,
     axes_of,
 )
-from gateway.exchange.control import limits_in
 from gateway.exchange.cut_line import Wire
 from gateway.exchange.latency_status import LatencyStatus
-from gateway.exchange.limits import limits_of
+from gateway.exchange.limits import limits_of, values_of
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.exchange.ports import OwnUnit
@@ -330,7 +328,7 @@ class Line:
                     if axis in self._records:
                         self._records[axis].begin()
             case SetLimits(axis=axis):
-                self._configured[axis] |= asdict(limits_in(command))
+                self._configured[axis] |= values_of(command)
         return changed
 
     async def _open(self, way: Front | SerialPort | TcpConnector, key: str, problems: list[str]) -> None:
@@ -446,7 +444,7 @@ def _make_tape(plan: LinePlan, journal: Journal) -> Tape | None:
 
 def _configured(plan: AxisPlan) -> dict[str, Any]:
     mode = plan.compensation.value
-    return {"gain": _shares(plan.settings.gain), "compensation": mode, **asdict(limits_of(plan))}
+    return {"gain": _shares(plan.settings.gain), "compensation": mode, **values_of(limits_of(plan))}
 
 
 def _shares(gain: Gain) -> dict[str, float]:

@@ -20,6 +20,7 @@ import msgspec
 
 import gateway
 from gateway.compensation.backlash import with_backlash
+from gateway.exchange.limits import without_live_values
 from gateway.exchange.plan import (
     NO_OTHER_UNITS,
     AxisPlan,
@@ -27,7 +28,6 @@ from gateway.exchange.plan import (
     LineTiming,
     OtherUnits,
     Role,
-    without_live_values,
 )
 from gateway.exchange.rights import UNLIMITED, Rights
 from gateway.files import FileRefusedError

@@ -3,21 +3,21 @@
 import contextlib
 import json
 import os
-import re
 import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from gateway.config.compile import compile_into_state, keys_of, sources_of
 from gateway.config.findings import parse_document, read_document
 from gateway.config.last_good import Settled, Source, settle
 from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
+from gateway.config.sections import is_live
 from gateway.config.tables_folder import what_is_strange
-from gateway.exchange.commands import ClearTable, EndDryRun, SetGain, SetLimits, SetTable, TableFor
-from gateway.exchange.limits import limits_of
+from gateway.exchange.commands import ClearTable, EndDryRun, SetGain, SetTable, TableFor
+from gateway.exchange.limits import limits_of, values_of
 from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
 from gateway.ipc.messages import Done, GetStatus, Ping, Pong, Reply, Request, Status
@@ -30,13 +30,6 @@ from gateway.state.tables import digest_of
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight
-
-_LIVE: Final = re.compile(
-    r"axis\.[^.]+\.(compensation|table|table_options\..*|gain(\..*)?|max_correction|max_slope|travel_margin|budget_us)"
-    r"|line\.[^.]+\.controllers\[\d+\]\.silent_after_s|gateway\.tables|(http|mqtt)(\..*)?"
-)
-"""Keys whose values a gateway that runs can be given."""
-
 
 Still = Mapping[str, Sight | None]
 """The sight as which a table file stands still, by name; None: it moves."""
@@ -280,16 +273,16 @@ def _need_restart(loaded: Loaded, before: CompiledPlan) -> list[str]:
         name for name, digest in sources_of(loaded).items() if before.sources.get(name, digest) != digest
     ]
     config = str(loaded.path.resolve())
-    keys = [key for key in _changed_keys(loaded, before) if not _is_live(key, loaded, before)]
+    keys = [key for key in _changed_keys(loaded, before) if not _can_be_given(key, loaded, before)]
     return [*keys, *(name for name in profiles if name != config)]
 
 
-def _is_live(key: str, loaded: Loaded, before: CompiledPlan) -> bool:
+def _can_be_given(key: str, loaded: Loaded, before: CompiledPlan) -> bool:
     """Whether a gateway that runs can be given the new value; of modes: the end of a dry run."""
     now, then = keys_of(loaded.document.tables), keys_of(tomllib.loads(before.configuration))
     off = json.dumps(CompensationMode.OFF.value)
     is_off = key.endswith(".compensation") and off in (now.get(key), then.get(key))
-    return _LIVE.fullmatch(key) is not None and not is_off
+    return is_live(key) and not is_off
 
 
 def _changed_keys(loaded: Loaded, before: CompiledPlan) -> list[str]:
@@ -399,9 +392,9 @@ def _values(has: Mapping[str, Any], new: AxisPlan) -> Iterator[Request]:
 
     The relay says what it was given: the plan in the state may be newer than what has reached it.
     """
-    limits = asdict(limits_of(new))
-    if any(has[key] != value for key, value in limits.items()):
-        yield SetLimits(axis=new.name, **limits)
+    limits = limits_of(new)
+    if any(has[key] != value for key, value in values_of(limits).items()):
+        yield limits
     gain = new.settings.gain
     if has["gain"] != {"forward": gain.forward, "backward": gain.backward}:
         yield SetGain(axes=(new.name,), forward=gain.forward, backward=gain.backward, is_configured=True)

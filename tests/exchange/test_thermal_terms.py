@@ -7,9 +7,8 @@ import pytest
 from gateway.compensation.settings import ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.commands import SetReference, TableFor
+from gateway.exchange.commands import SetLimits, SetReference, TableFor
 from gateway.exchange.control import ControlError, set_limits, set_tables, set_temperature, switch
-from gateway.exchange.limits import Limits as LimitsOf
 from gateway.exchange.plan import AxisPlan, Reference
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench
@@ -19,6 +18,16 @@ S = 1000 * MS
 FLAT = make_table([0, 1000], [0.0, 0.0], [0.0, 0.0], Units.MM)
 RAMP = make_table([0, 1000], [0.0, 0.1], [0.0, 0.1], Units.MM)
 STEEL = ThermalSettings(11.5e-6, reference=20.0, fixed_at=0.0, timeout_s=60.0, hold_s=600.0)
+
+
+def limits(max_correction: float, travel_margin: float) -> SetLimits:
+    return SetLimits(
+        axis="x",
+        max_correction=max_correction,
+        max_slope=0.01,
+        travel_margin=travel_margin,
+        budget_us=1000.0,
+    )
 
 
 def warm_plan(thermal: ThermalSettings = STEEL, **changes: Any) -> AxisPlan:
@@ -157,7 +166,7 @@ def test_a_line_that_comes_with_its_table_to_more_than_allowed_stays_as_it_was()
     # It followed up to 100 µm, but looked only when targets came: what came then did not fit.
     assert told(bench) == 999_999 + 100 - 92
     assert len(events(bench, "term-too-large")) == 1
-    set_limits(bench.line.axes, "x", LimitsOf(0.3, 0.01, 0.3, 1000.0))
+    set_limits(bench.line.axes, limits(0.3, 0.3))
     bench.wait(1000.0)
     bench.move(1_000_000)
     assert told(bench) == 1_000_000 + 100 - 115
@@ -181,7 +190,7 @@ def test_limits_that_are_lowered_below_what_is_in_force_take_it_away_with_the_ne
     warm(bench, 30.0)
     bench.move(1_000_000)
     assert told(bench) == 999_885
-    set_limits(bench.line.axes, "x", LimitsOf(0.1, 0.01, 0.5, 1000.0))
+    set_limits(bench.line.axes, limits(0.1, 0.5))
     bench.wait(1000.0)
     bench.move(999_000)
     assert told(bench) == 999_000

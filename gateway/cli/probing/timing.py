@@ -107,8 +107,8 @@ class LineTimes:
     def cost_ms(self, of: Proposal) -> float:
         """Return for how long a drive that falls silent keeps what moves the others waiting (W6, W11).
 
-        That happens three times, and each time that it is asked where ``retry_ms`` is 0. It is waited for as
-        long as the most patient controller waits.
+        That happens three times, and each time that it is asked on a line that does not back off. It is
+        waited for as long as the most patient controller waits.
         """
         patience_ms = (controller.plan.timeout_ms for controller in self.line.controllers)
         return max(of.response_timeout_ms, *patience_ms, 0.0) + (of.drain_ms or 0.0)

@@ -21,7 +21,7 @@ def timing_lines(found: LineTimes) -> Iterator[str]:
     yield f"  now:      {_keys(found.now)}"
     yield f"  proposed: {_keys(proposed)}"
     cost_ms, now_ms = found.cost_ms(proposed), found.cost_ms(found.now)
-    times = "three times" if line.timing.retry_ms else "each time"
+    times = "three times" if line.timing.backs_off else "each time"
     yield f"  a drive that falls silent keeps others waiting {times}: {cost_ms:g} ms; now {now_ms:g} ms"
     yield from (f"  note: {note}" for note in _notes(found, proposed))
 

@@ -17,7 +17,6 @@ from gateway.compensation.errors import SettingsError, TableError
 from gateway.compensation.fingerprint import table_digest
 from gateway.compensation.moves import Accepted, Move, State
 from gateway.compensation.readback import Fade, Readback
-from gateway.compensation.settings import AxisSettings
 from gateway.drives.motion import Action
 from gateway.exchange.axis.beam import Beam, BeamEvent
 from gateway.exchange.axis.events import (
@@ -788,10 +787,10 @@ class Axis(AxisState):
         self._choose_correction()
         self._want()
 
-    def limit(self, plan: AxisPlan, settings: AxisSettings) -> None:
+    def limit(self, plan: AxisPlan) -> None:
         """Go on with other limits, from now on."""
         self.plan = plan
-        self.compensation.take_limits(settings)
+        self.compensation.take_limits(plan.settings)
 
     def end(self) -> None:
         """End the compensation until the gateway is started again: its registers mean something else now."""
