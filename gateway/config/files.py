@@ -20,9 +20,15 @@ from gateway.secret_files import (
     refuse_open_to_others,
     secret_path,
 )
-from gateway.transport.certificate_times import list_problem, time_problem
+from gateway.transport.certificates import (
+    LARGEST_FILE,
+    TlsFileError,
+    list_ends,
+    list_problem,
+    read_facts,
+    time_problem,
+)
 from gateway.transport.tls import CIPHERS, load_revoked, reason_of
-from gateway.transport.tls_files import LARGEST_FILE, TlsFileError
 
 # --- Files that a configuration names beside its tables: secrets and certificates
 
@@ -261,8 +267,6 @@ def warn_of_times(findings: Findings, key: KeyPath, path: Path, now: datetime) -
 
     No more than that: whoever looks is turned away by such a page or broker, but axes go on to be corrected.
     """
-    from gateway.transport.certificate_facts import read_facts
-
     try:
         certificates = read_facts(path)
     except FileRefusedError as error:
@@ -276,8 +280,6 @@ def warn_of_times(findings: Findings, key: KeyPath, path: Path, now: datetime) -
 
 def warn_of_list(findings: Findings, key: KeyPath, path: Path, now: datetime) -> None:
     """Warn of a list of revoked certificates that has run out, or soon will: nobody comes in then."""
-    from gateway.transport.certificate_facts import list_ends
-
     try:
         _, ends = list_ends(path)
     except FileRefusedError as error:

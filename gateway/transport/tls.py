@@ -11,8 +11,7 @@ from typing import Final
 
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.secret_files import refuse_open_to_others
-from gateway.transport.certificate_ends import Held, read_held
-from gateway.transport.tls_files import LARGEST_FILE, TlsFileError, TlsFiles
+from gateway.transport.certificates import LARGEST_FILE, Held, TlsFileError, TlsFiles, read_held
 
 MOST_SESSIONS: Final = 64
 """OpenSSL keeps every session of TLS 1.2 for two hours, some 16 KiB each, and Python cannot tell it not to: a

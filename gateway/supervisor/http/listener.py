@@ -29,7 +29,7 @@ from gateway.supervisor.http.answers import (
     shortened,
 )
 from gateway.supervisor.http.refusals import Refused, site_of, tell_nobody
-from gateway.transport.certificate_ends import Held, read_held
+from gateway.transport.certificates import Held, read_held
 from gateway.transport.endpoints import TcpEndpoint
 
 # --- One connection: uvicorn's HTTP/1.1, with an end to everything that somebody could keep waiting

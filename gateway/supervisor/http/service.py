@@ -25,8 +25,7 @@ from gateway.supervisor.http.guard import READS, Guard, Rules
 from gateway.supervisor.http.listener import Door, HandshakeLimits, TlsListener, Wanted, wanted_by
 from gateway.supervisor.http.login import LOOK_S, Access, Sessions, Tokens
 from gateway.supervisor.http.refusals import Refusals
-from gateway.transport.certificate_ends import Endings
-from gateway.transport.certificates import now_utc
+from gateway.transport.certificates import Endings, now_utc
 from gateway.transport.stopping import all_made, stop_serving
 
 FIRST_WAIT_S: Final = 0.5
