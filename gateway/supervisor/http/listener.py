@@ -182,7 +182,10 @@ class Connection(H11Protocol):
 
     def leave(self) -> None:
         """Close it; what waits for somebody who does not take it is lost."""
-        self.transport.close()
+        if (
+            not self.transport.is_closing()
+        ):  # closed twice a transport of TLS is of no more use (CPython, sslproto)
+            self.transport.close()
         if self.transport.get_write_buffer_size():
             self.transport.abort()
 

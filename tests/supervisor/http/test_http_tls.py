@@ -351,6 +351,28 @@ async def test_a_renewed_certificate_is_shown_after_a_reload(tmp_path: Path, cer
         assert (await visitor.ask("/status", cookie)).status == 200  # nobody has to log in for that
 
 
+async def test_whoever_does_not_take_leave_of_tls_does_not_end_the_service(
+    tmp_path: Path, certificates: Path
+) -> None:
+    """The page has closed the connection, and waits for the other side, when it is opened anew."""
+    async with asking(tmp_path, certificates) as visitor:
+
+        def ask() -> ssl.SSLSocket:
+            connection = socket.create_connection(("127.0.0.1", visitor.served.port), timeout=PATIENCE_S)
+            secured = trusting(certificates).wrap_socket(connection, server_hostname="127.0.0.1")
+            secured.sendall(b"GET /session HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+            assert secured.recv(8) == b"HTTP/1.1"
+            return secured
+
+        with await asyncio.to_thread(ask):
+            said = len(visitor.served.said)
+            visitor.served.service.configure(
+                section(visitor.served.port, certificates, clients=True), "mill-1", tmp_path
+            )
+            await until(lambda: "http-ready" in [event for event, _ in visitor.served.said[said:]])
+            assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
+
+
 async def test_a_certificate_that_is_gone_is_a_problem_that_says_so(
     tmp_path: Path, certificates: Path
 ) -> None:
