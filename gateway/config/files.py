@@ -28,7 +28,7 @@ from gateway.transport.certificates import (
     read_facts,
     time_problem,
 )
-from gateway.transport.tls import CIPHERS, load_revoked, reason_of
+from gateway.transport.tls import bare_server_context, load_revoked, reason_of
 
 # --- Files that a configuration names beside its tables: secrets and certificates
 
@@ -197,12 +197,7 @@ def server_context(tls: HttpTlsSection, folder: Path, *, needs_client: bool) -> 
         NamedFileError: a file is missing, is something else, every user may read the key, or it is not that
             of the certificate.
     """
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.minimum_version = ssl.TLSVersion.TLSv1_2
-    context.set_ciphers(CIPHERS)
-    # Without tickets: who is let in is decided anew each time, and a certificate may have ended since.
-    context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION | ssl.OP_NO_TICKET
-    context.num_tickets = 0
+    context = bare_server_context()
     load_pair(context, (*TLS_KEY, "certificate"), (tls.certificate, tls.key), folder)
     if tls.clients is not None:
         _trust(context, certificates_path((*TLS_KEY, "clients"), tls.clients, folder), tls.clients)
