@@ -15,9 +15,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, TypeVar
 
-BACKLOG, BACKLOG_OF_TLS = 100, 128
+BACKLOG: Final = 128
 PAUSE_S: Final = 1.0
-PAUSE_OF_TLS_S: Final = 0.5
 """After an accept that failed, as without a free descriptor."""
 HANDSHAKE_S: Final = 10.0
 SHUTDOWN_S: Final = 2.0
@@ -37,13 +36,11 @@ class Listener:
         self,
         take: Callable[[socket.socket, Any], object],
         on_failed: Callable[[OSError], object] | None = None,
-        pause_s: float = PAUSE_S,
     ) -> None:
         self.sockets: list[socket.socket] = []
         """What it listens with; none before it is opened, and none after it has stopped."""
         self._take = take
         self._on_failed = on_failed or _tell_loop
-        self._pause_s = pause_s
         self._pauses: dict[socket.socket, asyncio.TimerHandle] = {}
 
     def open(self, sockets: Iterable[socket.socket]) -> None:
@@ -73,7 +70,7 @@ class Listener:
         except OSError as error:
             loop = asyncio.get_running_loop()
             loop.remove_reader(listening.fileno())
-            self._pauses[listening] = loop.call_later(self._pause_s, self._watch, listening)
+            self._pauses[listening] = loop.call_later(PAUSE_S, self._watch, listening)
             self._on_failed(error)
             return
         connection.setblocking(False)
@@ -112,10 +109,7 @@ class ProtocolListener(Listener):
     """Gives each connection a protocol of asyncio; over TLS once its handshake has come to a good end."""
 
     def __init__(self, protocol: Callable[[], asyncio.BaseProtocol], tls: Tls | None = None) -> None:
-        if tls is None:
-            super().__init__(self._begin)
-        else:
-            super().__init__(self._begin, lambda _: None, PAUSE_OF_TLS_S)
+        super().__init__(self._begin)
         self._protocol = protocol
         self._tls = tls
         self._beginning: dict[asyncio.Task[None], str] = {}
@@ -135,7 +129,7 @@ class ProtocolListener(Listener):
         owned = list(sockets)
         try:
             for each in owned:
-                each.listen(BACKLOG if self._tls is None else BACKLOG_OF_TLS)
+                each.listen(BACKLOG)
         except OSError:
             for each in owned:
                 each.close()
