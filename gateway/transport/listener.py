@@ -13,7 +13,7 @@ import ssl
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 BACKLOG: Final = 128
 PAUSE_S: Final = 1.0
@@ -21,8 +21,6 @@ PAUSE_S: Final = 1.0
 HANDSHAKE_S: Final = 10.0
 SHUTDOWN_S: Final = 2.0
 """For the other side to take its leave of TLS."""
-
-Guest = TypeVar("Guest")
 
 
 class Listener:
@@ -235,15 +233,3 @@ def why_no_handshake(error: OSError) -> str:
     if isinstance(error, ConnectionAbortedError):
         return "the TLS handshake never ended"
     return "no TLS: the other side went away"
-
-
-def longest(guests: Iterable[Guest], since: Callable[[Guest], float | None]) -> Guest | None:
-    """Return the one that makes room for a newcomer: it has been so for longest; None: there is none.
-
-    ``since`` returns since when one has been what lets it go first, None where it is not.
-
-    >>> longest(["it reads", "asked at 7", "asked at 3"], lambda one: float(one[-1]) if "at" in one else None)
-    'asked at 3'
-    """
-    waiting = [(when, number, one) for number, one in enumerate(guests) if (when := since(one)) is not None]
-    return min(waiting)[2] if waiting else None

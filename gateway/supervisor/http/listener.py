@@ -30,6 +30,7 @@ from gateway.supervisor.http.answers import (
 from gateway.supervisor.http.refusals import Refused, tell_nobody
 from gateway.transport.certificates import Held, read_held
 from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.places import longest
 
 # --- One connection: uvicorn's HTTP/1.1, with an end to everything that somebody could keep waiting
 
@@ -69,8 +70,7 @@ class Connection(H11Protocol):
         self._make_room = make_room
         self._refused = refused
         now_s = time.monotonic()
-        self.quiet_since_s = now_s
-        """When it was opened, or when its last answer was whole; for whoever has to make room."""
+        self._quiet_since_s = now_s
         self._asking_since_s: float | None = now_s
         self._stalled_since_s: float | None = None
         self._closing_since_s: float | None = None
@@ -83,6 +83,11 @@ class Connection(H11Protocol):
         """Whether nothing is being answered."""
         cycle: RequestResponseCycle | None = self.cycle
         return cycle is None or cycle.response_complete
+
+    @property
+    def idle_since_s(self) -> float | None:
+        """Since when nothing is being answered: its last answer was whole, or it was opened; None: it is."""
+        return self._quiet_since_s if self.is_idle else None
 
     @property
     def stalled_since_s(self) -> float | None:
@@ -150,7 +155,7 @@ class Connection(H11Protocol):
 
     def on_response_complete(self) -> None:
         """See ``H11Protocol``."""
-        self.quiet_since_s = time.monotonic()
+        self._quiet_since_s = time.monotonic()
         super().on_response_complete()
 
     def pause_writing(self) -> None:
@@ -273,16 +278,13 @@ class Door:
         connections = self._connections
         if len(connections) < self.limits.connections:
             return True
-        idle = [one for one in connections if one.is_idle]
-        stalled = [(since_s, one) for one in connections if (since_s := one.stalled_since_s) is not None]
-        if idle:
-            longest, which = min(idle, key=lambda one: one.quiet_since_s), "asked nothing"
-        elif stalled:
-            (_, longest), which = min(stalled, key=lambda pair: pair[0]), "took nothing of its answer"
-        else:
+        which, going = "asked nothing", longest(connections, lambda one: one.idle_since_s)
+        if going is None:
+            which, going = "took nothing of its answer", longest(connections, lambda one: one.stalled_since_s)
+        if going is None:
             return False
-        self.refused(longest.peer, f"too many connections at once: the one that {which} for longest")
-        longest.give_way()
+        self.refused(going.peer, f"too many connections at once: the one that {which} for longest")
+        going.give_way()
         return True
 
     @contextlib.contextmanager
