@@ -11,14 +11,14 @@ import os
 import socket
 from collections.abc import Callable, Iterable
 from enum import Enum
-from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address
+from ipaddress import IPv4Network, IPv6Network
 from typing import Final, cast
 
 from gateway.clock import boot_ns
 from gateway.times import NS_PER_S
 from gateway.transport.channel import CLOSED, CLOSED_BY_PEER, Channel, Receiver
 from gateway.transport.direct import MORE_BYTES, RECEIVE_BYTES, DirectSocket, FarEnd
-from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.endpoints import TcpEndpoint, address_of
 from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.keeper import Keeper
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits, ConnectRate
@@ -429,9 +429,7 @@ class TcpListener:
     def _is_allowed(self, host: str) -> bool:
         if not self._allow:
             return True
-        address = ip_address(host.partition("%")[0])
-        if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
-            address = address.ipv4_mapped
+        address = address_of(host)
         return any(address in network for network in self._allow)
 
 
