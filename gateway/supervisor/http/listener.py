@@ -245,7 +245,7 @@ def silence_uvicorn() -> None:
 
 
 class Door:
-    """Makes connections for a server of asyncio, and holds them to their limits.
+    """Makes connections for a listener, and holds them to their limits.
 
     :meth:`watch` has to run while it is open, :meth:`close` ends it.
     """
