@@ -7,7 +7,6 @@ open, read by nobody (CPython, ``asyncio.Server._attach``).
 """
 
 import asyncio
-import contextlib
 import socket
 import ssl
 from collections.abc import Callable, Iterable
@@ -112,6 +111,8 @@ class ProtocolListener(Listener):
         self._tls = tls
         self._beginning: dict[asyncio.Task[None], str] = {}
         """Those whose protocol is not told yet, the oldest first; over TLS with where each comes from."""
+        self._unowned: set[socket.socket] = set()
+        """Of them those that no transport has yet: whoever ends these has to close them."""
 
     @property
     def handshakes(self) -> int:
@@ -148,13 +149,15 @@ class ProtocolListener(Listener):
             site = self._tls.site_of(address[0])
             self._make_room(self._tls, site)
         task = asyncio.get_running_loop().create_task(self._make(connection, site))
+        self._unowned.add(connection)
         self._beginning[task] = site
         task.add_done_callback(partial(self._begun, connection))
 
     def _begun(self, connection: socket.socket, task: "asyncio.Task[None]") -> None:
         self._beginning.pop(task, None)
-        if task.cancelled():  # perhaps before it began
-            _close(connection)
+        if connection in self._unowned:  # ended before it began
+            self._unowned.discard(connection)
+            connection.close()
 
     def _make_room(self, tls: Tls, site: str) -> None:
         """End the oldest handshake from where too many come, or of all where there are too many."""
@@ -170,10 +173,10 @@ class ProtocolListener(Listener):
 
     async def _make(self, connection: socket.socket, site: str) -> None:
         tls, loop = self._tls, asyncio.get_running_loop()
+        self._unowned.discard(connection)
         if tls is None:
             await loop.connect_accepted_socket(self._protocol, connection)
             return
-        is_open = False
         try:
             await loop.connect_accepted_socket(
                 self._protocol,
@@ -182,17 +185,8 @@ class ProtocolListener(Listener):
                 ssl_handshake_timeout=tls.limits.time_s,
                 ssl_shutdown_timeout=SHUTDOWN_S,
             )
-            is_open = True
         except OSError as error:
             tls.refused(site, why_no_handshake(error))
-        finally:
-            if not is_open:
-                _close(connection)
-
-
-def _close(connection: socket.socket) -> None:
-    with contextlib.suppress(OSError):
-        connection.close()
 
 
 async def bound(host: str, port: int) -> list[socket.socket]:
