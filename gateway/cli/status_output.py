@@ -11,7 +11,7 @@ from rich.text import Text
 
 from gateway.catalogue.counters import COUNTERS
 from gateway.times import span
-from gateway.transport.certificate_times import SOON
+from gateway.transport.certificates import SOON
 
 NOT_KNOWN: Final = "–"
 SHOWN: Final = (

@@ -20,9 +20,15 @@ from gateway.secret_files import (
     refuse_open_to_others,
     secret_path,
 )
-from gateway.transport.certificate_times import list_problem, time_problem
-from gateway.transport.tls import CIPHERS, load_revoked, reason_of
-from gateway.transport.tls_files import LARGEST_FILE, TlsFileError
+from gateway.transport.certificates import (
+    LARGEST_FILE,
+    TlsFileError,
+    list_ends,
+    list_problem,
+    read_facts,
+    time_problem,
+)
+from gateway.transport.tls import bare_server_context, load_revoked, reason_of
 
 # --- Files that a configuration names beside its tables: secrets and certificates
 
@@ -191,12 +197,7 @@ def server_context(tls: HttpTlsSection, folder: Path, *, needs_client: bool) -> 
         NamedFileError: a file is missing, is something else, every user may read the key, or it is not that
             of the certificate.
     """
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.minimum_version = ssl.TLSVersion.TLSv1_2
-    context.set_ciphers(CIPHERS)
-    # Without tickets: who is let in is decided anew each time, and a certificate may have ended since.
-    context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION | ssl.OP_NO_TICKET
-    context.num_tickets = 0
+    context = bare_server_context()
     load_pair(context, (*TLS_KEY, "certificate"), (tls.certificate, tls.key), folder)
     if tls.clients is not None:
         _trust(context, certificates_path((*TLS_KEY, "clients"), tls.clients, folder), tls.clients)
@@ -261,8 +262,6 @@ def warn_of_times(findings: Findings, key: KeyPath, path: Path, now: datetime) -
 
     No more than that: whoever looks is turned away by such a page or broker, but axes go on to be corrected.
     """
-    from gateway.transport.certificate_facts import read_facts
-
     try:
         certificates = read_facts(path)
     except FileRefusedError as error:
@@ -276,8 +275,6 @@ def warn_of_times(findings: Findings, key: KeyPath, path: Path, now: datetime) -
 
 def warn_of_list(findings: Findings, key: KeyPath, path: Path, now: datetime) -> None:
     """Warn of a list of revoked certificates that has run out, or soon will: nobody comes in then."""
-    from gateway.transport.certificate_facts import list_ends
-
     try:
         _, ends = list_ends(path)
     except FileRefusedError as error:

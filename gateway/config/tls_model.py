@@ -9,8 +9,7 @@ from pydantic import BeforeValidator, Field
 from gateway.config.values import FileName
 from gateway.drives.strict import StrictModel, documented
 from gateway.secret_files import CREDENTIAL
-from gateway.transport.certificates import LONGEST_ROLE
-from gateway.transport.tls_files import TlsFiles
+from gateway.transport.certificates import LONGEST_ROLE, TlsFiles
 
 
 def read_role_name(raw: object) -> str:

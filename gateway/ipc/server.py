@@ -11,6 +11,7 @@ from gateway.ipc.desk import Desk
 from gateway.ipc.messages import Happened, Refused, Reply, Request, encode
 from gateway.ipc.place import SocketPlace, peer_uid
 from gateway.ipc.session import MAX_CLIENTS, Clients, Session
+from gateway.transport.listener import Listener
 
 NO_PLACE: Final = (
     f"all {MAX_CLIENTS} places are taken, by listeners and by requests under way; try again in a moment, or "
@@ -18,7 +19,6 @@ NO_PLACE: Final = (
 )
 IDLE_S: Final = 30.0
 """A client that sends nothing whole for so long, or does not take its replies, is dropped."""
-ACCEPT_AGAIN_S: Final = 1.0
 
 
 class ControlServer:
@@ -27,9 +27,8 @@ class ControlServer:
     def __init__(self, state: Path, desk: Desk | Callable[[Request], Reply], idle_s: float = IDLE_S) -> None:
         self._place = SocketPlace(state)
         self._clients = Clients(desk if isinstance(desk, Desk) else Desk(desk), idle_s)
-        self._listening: socket.socket | None = None
+        self._listener = Listener(self._accepted, self._nobody_can_connect)
         self._is_pump_due = False
-        self._later: asyncio.TimerHandle | None = None
 
     @property
     def path(self) -> Path:
@@ -57,20 +56,13 @@ class ControlServer:
         Raises:
             SocketError: another gateway has the place, or it cannot be made; with the remedy.
         """
-        self._listening = self._place.take()
-        self._listen()
+        self._listener.open([self._place.take()])
 
     def hang_up(self) -> None:
         """Drop every client and take no other; the place stays taken until :meth:`close`."""
-        if self._listening is None:
-            return
-        self._listen(is_on=False)
-        if self._later is not None:
-            self._later.cancel()
+        self._listener.stop()
         for session in tuple(self._clients.sessions):
             session.drop()
-        self._listening.close()
-        self._listening = None
 
     async def close(self, *, is_finished: bool = True) -> None:
         """Drop every client and leave; see ``SocketPlace.leave``."""
@@ -90,19 +82,7 @@ class ControlServer:
         for listener in self._clients.listeners:
             listener.pump()
 
-    def _accept(self) -> None:
-        assert self._listening is not None
-        try:
-            connection, _ = self._listening.accept()
-        except (BlockingIOError, InterruptedError, ConnectionAbortedError):
-            return
-        except OSError as error:
-            # No descriptors left, say: whoever waits stays there, and would have us try again without end.
-            self._clients.complain("accept", f"nobody can connect: {error.strerror or error}")
-            self._listen(is_on=False)
-            self._later = asyncio.get_running_loop().call_later(ACCEPT_AGAIN_S, self._listen)
-            return
-        connection.setblocking(False)
+    def _accepted(self, connection: socket.socket, _address: object) -> None:
         if not self._clients.make_room():
             with contextlib.suppress(OSError):
                 connection.send(encode(Refused(reason=NO_PLACE)))
@@ -111,9 +91,5 @@ class ControlServer:
             return
         self._clients.sessions.add(Session(self._clients, connection, peer_uid(connection)))
 
-    def _listen(self, *, is_on: bool = True) -> None:
-        if self._listening is not None:
-            loop, descriptor = asyncio.get_running_loop(), self._listening.fileno()
-            loop.remove_reader(descriptor)
-            if is_on:
-                loop.add_reader(descriptor, self._accept)
+    def _nobody_can_connect(self, error: OSError) -> None:
+        self._clients.complain("accept", f"nobody can connect: {error.strerror or error}")

@@ -30,6 +30,7 @@ from gateway.ipc.messages import (
 )
 from gateway.ipc.outbox import Outbox
 from gateway.limits import Reports
+from gateway.transport.places import longest
 
 MAX_CLIENTS: Final = 8
 """At once. When they are all there, the one that has been silent longest makes room for the next; where
@@ -75,10 +76,10 @@ class Clients:
         """Whether one more may connect; of too many, the idle one heard longest ago gives up its place."""
         if len(self.sessions) < MAX_CLIENTS:
             return True
-        idle = [session for session in self.sessions if not session.is_busy]
-        if not idle:
+        silent = longest(self.sessions, lambda one: None if one.is_busy else one.last_turn)
+        if silent is None:
             return False
-        min(idle, key=lambda session: session.last_turn).give_way()
+        silent.give_way()
         return True
 
 

@@ -20,13 +20,11 @@ from gateway.catalogue.tls_events import (
 from gateway.exchange.plan import ControllerPlan
 from gateway.relay.refusals import Refusals
 from gateway.state.plan import ControllerLink, TlsPlan
-from gateway.transport.certificate_ends import Endings
+from gateway.transport.certificates import Endings, Identity, TlsFileError
 from gateway.transport.channel import Receiver
 from gateway.transport.errors import RefusedError
-from gateway.transport.tls_files import TlsFileError
 
 if TYPE_CHECKING:
-    from gateway.transport.certificates import Identity
     from gateway.transport.secured import Door, Failure
 
 REVOKED_MEANS = "new connections are held against them; those that are open stay"
@@ -133,7 +131,7 @@ class SecureDoor:
             ],
         }
 
-    def _receiver_for(self, identity: "Identity") -> Receiver | None:
+    def _receiver_for(self, identity: Identity) -> Receiver | None:
         plan = self._plans.get(identity.role)
         return None if plan is None else self._make_port(plan)
 

@@ -4,7 +4,6 @@ import asyncio
 import errno
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Final, Protocol
 
 from gateway.modbus.lengths import ADU_OVERHEAD, MIN_ADU
@@ -19,7 +18,7 @@ from gateway.simulator.pty import FdChannel
 from gateway.simulator.wire import PLAIN, Cable, Lane
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint
-from gateway.transport.stopping import all_made, stop_serving
+from gateway.transport.listener import ProtocolListener, bound
 from gateway.transport.tcp import is_no_address_here
 
 GATEWAY_TARGET_FAILED: Final = 0x0B
@@ -221,7 +220,7 @@ class TcpDriveServer:
         self._clock = clock
         self.rtu = rtu
         self._delay = _same_delay(response_delay_s)
-        self._server: asyncio.Server | None = None
+        self._listener = ProtocolListener(self._connection)
         self._connections: set[_Connection] = set()
 
     async def start(self) -> None:
@@ -230,22 +229,16 @@ class TcpDriveServer:
         Raises:
             SimulatorError: the address is in use or not ours.
         """
-        loop = asyncio.get_running_loop()
         try:
-            self._server = await loop.create_server(self._connection, self.host, self.port)
+            self._listener.open(await bound(self.host, self.port))
         except OSError as error:
             raise SimulatorError(f"cannot listen on {self.host}:{self.port}: {_why(error)}") from error
-        self.port = self._server.sockets[0].getsockname()[1]
+        self.port = self._listener.sockets[0].getsockname()[1]
 
     async def stop(self) -> None:
         """Close the listener and every connection."""
-        if self._server is not None:
-            stop_serving(self._server)
-            await all_made()
-            for connection in tuple(self._connections):
-                connection.abort()
-            with suppress(asyncio.CancelledError):
-                await self._server.wait_closed()
+        await self._listener.close()
+        self.drop_connections()
 
     def drop_connections(self) -> None:
         """Cut every connection, as a drive that is switched off; the listener stays."""

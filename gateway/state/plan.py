@@ -34,9 +34,9 @@ from gateway.files import FileRefusedError
 from gateway.state.folder import PLAN_NAME, StateError, read_state, write_if_new
 from gateway.state.lock import alone_in
 from gateway.state.tables import checked, compiled, digest_of, read_table, remove_others, write_table
+from gateway.transport.certificates import TlsFiles
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits
-from gateway.transport.tls_files import TlsFiles
 
 FORMAT: Final = "pitch-gateway plan"
 VERSION: Final = 7

@@ -1,14 +1,66 @@
-"""What a certificate says of whoever shows it; the role is that of Modbus/TCP Security.
+"""Certificates: the files that they are in, what they say, and from when until when they are good.
 
-``cryptography`` is imported where it is needed first: only a process that has to do with TLS pays for it.
+The role of whoever shows one is that of Modbus/TCP Security. Light: every plan has this module loaded.
+``cryptography`` is imported where it is needed first, so that only a process that has to do with TLS pays.
 """
 
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Final
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+from gateway.catalogue.entry import EventEntry
+from gateway.catalogue.tls_events import CERTIFICATE_ENDED, CERTIFICATE_ENDS_SOON
+from gateway.files import FileRefusedError, read_regular_file
+from gateway.secret_files import secret_path
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
+
+Taken = TypeVar("Taken")
+
+# --- The files of a listener
+
+LARGEST_FILE: Final = 4_000_000
+"""Bytes. A list of revoked certificates may be long."""
+
+
+class TlsFileError(Exception):
+    """A file that TLS cannot be had with: the key that names it, what was found, what to do; no content."""
+
+    def __init__(self, key: str, found: str, remedy: str) -> None:
+        super().__init__(f"{key}: {found}; {remedy}")
+        self.key = key
+        self.found = found
+        self.remedy = remedy
+
+
+@dataclass(frozen=True, slots=True)
+class TlsFiles:
+    """Paths from the root; ``key`` may be ``credential:NAME``. ``revoked`` "": no list is looked at."""
+
+    certificate: str
+    key: str
+    clients: str
+    revoked: str = ""
+
+    @property
+    def paths(self) -> dict[str, Path]:
+        """Where they are, each by the key that names it.
+
+        Raises:
+            TlsFileError: a credential, and none were handed over.
+        """
+        names = {"certificate": self.certificate, "clients": self.clients, "revoked": self.revoked}
+        paths = {key: Path(name) for key, name in names.items() if name}
+        try:
+            return {**paths, "key": secret_path(self.key, Path())}
+        except FileRefusedError as error:
+            raise TlsFileError("key", error.found, error.remedy) from None
+
+
+# --- The role that a certificate gives
 
 ROLE_OID: Final = "1.3.6.1.4.1.50316.802.1"
 """The extension that holds the role, as one UTF8String (MODBUS/TCP Security v36, R-21 to R-23)."""
@@ -21,43 +73,6 @@ SHORT_LENGTH, ONE_BYTE_LENGTH, TWO_BYTE_LENGTH = 0x80, 0x81, 0x82
 
 class NoRoleError(Exception):
     """A certificate without one role; the text says what it has instead."""
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """Who has shown a certificate, and as what."""
-
-    subject: str
-    serial: str
-    """Hexadecimal, as ``openssl x509 -serial`` shows it."""
-    role: str
-    """"" where there is none; ``problem`` says why."""
-    problem: str
-    ends: str
-    """When the certificate is good no more, ISO 8601."""
-
-
-def identity_of(der: bytes, now: datetime) -> Identity:
-    """Read a certificate that a handshake has found good.
-
-    It may have expired since a session began that a client takes up again: then it is a problem too.
-    """
-    from cryptography import x509
-
-    try:
-        certificate = x509.load_der_x509_certificate(der)
-        subject, serial = certificate.subject.rfc4514_string(), f"{certificate.serial_number:X}"
-        begins, ends = certificate.not_valid_before_utc, certificate.not_valid_after_utc
-    except ValueError as error:  # OpenSSL is less strict
-        return Identity("?", "?", "", f"it cannot be read ({error})", "")
-    role = problem = ""
-    try:
-        role = role_of(certificate)
-    except NoRoleError as error:
-        problem = str(error)
-    if not begins <= now <= ends:
-        problem = "it has expired"
-    return Identity(subject, serial, role, problem, ends.isoformat(timespec="seconds"))
 
 
 def role_of(certificate: "Certificate") -> str:
@@ -122,6 +137,366 @@ def _header(length: int) -> bytes:
     return bytes((UTF8_STRING, TWO_BYTE_LENGTH)) + length.to_bytes(2, "big")
 
 
+# --- From when until when
+
+SOON: Final = timedelta(days=30)
+"""So long before its end a certificate is warned of, by ``check`` and while the gateway runs."""
+DAY: Final = timedelta(days=1)
+"""So often a certificate is told of, at most; and when it ends."""
+LOOK_EVERY: Final = timedelta(minutes=1)
+NEVER: Final = datetime.max.replace(tzinfo=UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class Life:
+    """A certificate of which nothing else was read: that is soon done."""
+
+    subject: str
+    begins: datetime
+    ends: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class TimeProblem:
+    """What is wrong with the time of a certificate; ``is_good_now``: nothing yet."""
+
+    found: str
+    remedy: str
+    is_good_now: bool
+
+
+def time_problem(life: Life, now: datetime) -> TimeProblem | None:
+    """Return what is to be said of a certificate's time, None for nothing."""
+    if life.ends < now:
+        found = f"{life.subject} expired on {day(life.ends)}"
+        return TimeProblem(found, "give one that is good; if this is, set the clock", is_good_now=False)
+    if life.begins > now:
+        found = f"{life.subject} is good from {day(life.begins)} on only"
+        return TimeProblem(found, "wait until then, or set the clock if it is wrong", is_good_now=False)
+    if life.ends < now + SOON:
+        found = f"{life.subject} expires on {day(life.ends)}"
+        return TimeProblem(found, "have it renewed before", is_good_now=True)
+    return None
+
+
+def list_problem(name: str, ends: datetime | None, now: datetime) -> TimeProblem | None:
+    """Return what is to be said of a list of revoked certificates that has run out, or soon will."""
+    if ends is None or ends >= now + SOON:
+        return None
+    when = "out of date since" if ends < now else "good until"
+    remedy = "have the authority write a new list: with one that is out of date nobody comes in"
+    return TimeProblem(f"{name} is {when} {day(ends)}", remedy, is_good_now=ends >= now)
+
+
+def day(when: datetime) -> str:
+    """Return the day of a time, for people."""
+    return when.date().isoformat()
+
+
 def now_utc() -> datetime:
     """Return the time that certificates are held against."""
     return datetime.now(UTC)
+
+
+# --- What a certificate says
+
+SMALLEST_RSA: Final = 2048
+SMALLEST_CURVE: Final = 256
+"""Bits."""
+PEM_REMEDY: Final = "give a certificate in PEM, text that begins with -----BEGIN CERTIFICATE-----"
+
+
+@dataclass(frozen=True, slots=True)
+class Facts(Life):
+    """One certificate."""
+
+    issuer: str
+    serial: str
+    is_authority: bool
+    is_for_servers: bool
+    """Whether it may say who a server is; also where it does not say what it is for at all."""
+    is_for_clients: bool
+    names_purpose: bool
+    """Whether it says what it is for."""
+    hosts: tuple[str, ...]
+    role: str
+    why_no_role: str
+    key: str
+    weakness: str
+    """Why its key is not good enough; "" where it is."""
+
+
+def read_facts(path: Path) -> tuple[Facts, ...]:
+    """Return every certificate of a file, in its order.
+
+    Raises:
+        FileRefusedError: it cannot be read, or holds none; with the remedy.
+    """
+    return _read(path, facts_of)
+
+
+def read_lives(path: Path) -> tuple[Life, ...]:
+    """Return from when until when the certificates of a file are good: soon done.
+
+    Raises:
+        FileRefusedError: as :func:`read_facts`.
+    """
+    return _read(
+        path,
+        lambda one: Life(one.subject.rfc4514_string(), one.not_valid_before_utc, one.not_valid_after_utc),
+    )
+
+
+def _read(path: Path, take: Callable[["Certificate"], Taken]) -> tuple[Taken, ...]:
+    from cryptography import x509
+
+    content = read_regular_file(path, LARGEST_FILE, "a certificate in PEM")
+    try:
+        return tuple(map(take, x509.load_pem_x509_certificates(content)))
+    except ValueError:  # what it says is for programmers
+        found = "a private key, and no certificate" if b"PRIVATE KEY-----" in content else "no certificates"
+        raise FileRefusedError(found, PEM_REMEDY) from None
+
+
+def facts_of(certificate: "Certificate") -> Facts:
+    """Return what a certificate says.
+
+    Raises:
+        ValueError: an extension that cannot be read.
+    """
+    from cryptography import x509
+    from cryptography.x509.oid import ExtendedKeyUsageOID
+
+    try:
+        extensions = certificate.extensions
+    except x509.DuplicateExtension as error:
+        raise ValueError(f"an extension twice: {error.oid.dotted_string}") from None
+    role = why_no_role = ""
+    try:
+        role = role_of(certificate)
+    except NoRoleError as error:
+        why_no_role = str(error)
+    is_authority, usages = False, None
+    hosts: tuple[str, ...] = ()
+    for extension in extensions:
+        if isinstance(extension.value, x509.BasicConstraints):
+            is_authority = extension.value.ca
+        elif isinstance(extension.value, x509.ExtendedKeyUsage):
+            usages = set(extension.value)
+        elif isinstance(extension.value, x509.SubjectAlternativeName):
+            hosts = tuple(str(name.value) for name in extension.value)
+    anything = ExtendedKeyUsageOID.ANY_EXTENDED_KEY_USAGE
+    key, weakness = _key_of(certificate)
+    return Facts(
+        subject=certificate.subject.rfc4514_string(),
+        issuer=certificate.issuer.rfc4514_string(),
+        serial=f"{certificate.serial_number:X}",
+        begins=certificate.not_valid_before_utc,
+        ends=certificate.not_valid_after_utc,
+        is_authority=is_authority,
+        is_for_servers=usages is None or bool(usages & {ExtendedKeyUsageOID.SERVER_AUTH, anything}),
+        is_for_clients=usages is None or bool(usages & {ExtendedKeyUsageOID.CLIENT_AUTH, anything}),
+        names_purpose=usages is not None,
+        hosts=hosts,
+        role=role,
+        why_no_role=why_no_role,
+        key=key,
+        weakness=weakness,
+    )
+
+
+def _key_of(certificate: "Certificate") -> tuple[str, str]:
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.asymmetric import ec, ed448, ed25519, rsa
+
+    try:
+        key = certificate.public_key()
+    except UnsupportedAlgorithm as error:
+        return "?", f"a key of a kind that is not known ({error})"
+    if isinstance(key, rsa.RSAPublicKey):
+        weakness = f"RSA of {key.key_size} bits, fewer than {SMALLEST_RSA}"
+        return f"RSA {key.key_size}", weakness if key.key_size < SMALLEST_RSA else ""
+    if isinstance(key, ec.EllipticCurvePublicKey):
+        weakness = f"a curve of {key.key_size} bits, fewer than {SMALLEST_CURVE}"
+        return key.curve.name, weakness if key.key_size < SMALLEST_CURVE else ""
+    if isinstance(key, ed25519.Ed25519PublicKey | ed448.Ed448PublicKey):
+        return "Ed25519" if isinstance(key, ed25519.Ed25519PublicKey) else "Ed448", ""
+    return type(key).__name__, "a key of a kind that TLS has no use for"
+
+
+def list_ends(path: Path) -> tuple[int, datetime | None]:
+    """Return how many serials a list of revoked certificates has, and when it is good no more.
+
+    Raises:
+        FileRefusedError: it cannot be read, or is none.
+    """
+    from cryptography import x509
+
+    content = read_regular_file(path, LARGEST_FILE, "a list of revoked certificates in PEM")
+    try:
+        found = x509.load_pem_x509_crl(content)
+    except ValueError as error:
+        remedy = "give the authority's list (CRL) in PEM"
+        raise FileRefusedError(f"no list of revoked certificates ({error})", remedy) from None
+    return len(found), found.next_update_utc
+
+
+# --- Who has come in with one
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who has shown a certificate, and as what."""
+
+    subject: str
+    serial: str
+    """Hexadecimal, as ``openssl x509 -serial`` shows it."""
+    role: str
+    """"" where there is none; ``problem`` says why."""
+    problem: str
+    ends: str
+    """When the certificate is good no more, ISO 8601."""
+
+
+def identity_of(der: bytes, now: datetime) -> Identity:
+    """Read a certificate that a handshake has found good.
+
+    It may have expired since a session began that a client takes up again: then it is a problem too.
+    """
+    from cryptography import x509
+
+    try:
+        certificate = x509.load_der_x509_certificate(der)
+        subject, serial = certificate.subject.rfc4514_string(), f"{certificate.serial_number:X}"
+        begins, ends = certificate.not_valid_before_utc, certificate.not_valid_after_utc
+    except ValueError as error:  # OpenSSL is less strict
+        return Identity("?", "?", "", f"it cannot be read ({error})", "")
+    role = problem = ""
+    try:
+        role = role_of(certificate)
+    except NoRoleError as error:
+        problem = str(error)
+    if not begins <= now <= ends:
+        problem = "it has expired"
+    return Identity(subject, serial, role, problem, ends.isoformat(timespec="seconds"))
+
+
+# --- When those in force end: noticed while a gateway runs, without reading a file again
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """A certificate, or a list of revoked ones, as it was when its file came into force."""
+
+    key: str
+    """Of ``tls``: ``certificate``, ``clients`` or ``revoked``."""
+    file: str
+    life: Life | None
+    """None: a list, or a file that only OpenSSL can read."""
+    ends: datetime | None
+    """None: never, or nobody knows."""
+
+    def problem(self, now: datetime) -> TimeProblem | None:
+        """Return what is to be said of its time, None for nothing."""
+        if self.life is None:
+            return list_problem(self.file, self.ends, now)
+        return time_problem(self.life, now)
+
+
+def read_held(paths: Mapping[str, Path]) -> tuple[Held, ...]:
+    """Return what is in the files of ``tls`` that OpenSSL has taken, by their keys. It may block."""
+    return tuple(
+        held
+        for key in ("certificate", "clients", "revoked")
+        if key in paths
+        for held in _held_in(key, paths[key])
+    )
+
+
+def _held_in(key: str, path: Path) -> Iterator[Held]:
+    try:
+        if key == "revoked":
+            yield Held(key, str(path), None, list_ends(path)[1])
+        else:
+            for life in read_lives(path):
+                yield Held(key, str(path), life, life.ends)
+    except FileRefusedError:  # a check says so; until when it is good stays unknown here
+        yield Held(key, str(path), None, None)
+
+
+class Endings:
+    """Tells of what ends soon, or has ended: of each certificate at the start and once a day at most.
+
+    ``tell`` gets the event with its fields, and does not block. ``place`` is where the keys stand in the
+    configuration, as ``http.tls``. The time is an argument.
+    """
+
+    def __init__(self, tell: Callable[[EventEntry, dict[str, object]], None], place: str) -> None:
+        self._tell = tell
+        self._place = place
+        self._held: tuple[Held, ...] = ()
+        self._told: dict[Held, tuple[bool, datetime]] = {}
+        """Whether it was still good when it was told of, and when that was."""
+        self._looked: datetime | None = None
+
+    def is_other(self, held: tuple[Held, ...]) -> bool:
+        """Whether one of these files holds something else than what is in force of it."""
+        files = {(each.key, each.file) for each in held}
+        return any((each.key, each.file) in files and each not in held for each in self._held)
+
+    def take(self, held: tuple[Held, ...]) -> None:
+        """Go by these from now on; what was told of one that stays counts."""
+        self._held = held
+        self._told = {each: told for each, told in self._told.items() if each in held}
+        self._looked = None
+
+    def is_due(self, now: datetime) -> bool:
+        """Whether there is something to tell of; may be asked at any time, and looks once a minute."""
+        if self._looked is not None and abs(now - self._looked) < LOOK_EVERY:
+            return False
+        self._looked = now
+        return any(True for _ in self._due(now))
+
+    def tell(self, now: datetime) -> None:
+        """Tell of what is due."""
+        for held, problem in list(self._due(now)):
+            self._told[held] = problem.is_good_now, now
+            fields: dict[str, object] = {
+                "file": held.file,
+                "days_left": _days_left(held.ends, now),
+                "detail": f"{self._place}.{held.key}: {problem.found}",
+                "remedy": problem.remedy,
+            }
+            self._tell(CERTIFICATE_ENDS_SOON if problem.is_good_now else CERTIFICATE_ENDED, fields)
+
+    def status(self, now: datetime) -> list[dict[str, Any]]:
+        """Return when each file is good no more: of several certificates in one the first to end counts."""
+        first: dict[str, Held] = {}
+        for held in self._held:
+            if held.key not in first or (held.ends or NEVER) < (first[held.key].ends or NEVER):
+                first[held.key] = held
+        return [
+            {
+                "key": key,
+                "file": held.file,
+                "subject": "" if held.life is None else held.life.subject,
+                "ends": None if held.ends is None else held.ends.isoformat(timespec="seconds"),
+                "days_left": _days_left(held.ends, now),
+            }
+            for key, held in first.items()
+        ]
+
+    def _due(self, now: datetime) -> Iterator[tuple[Held, TimeProblem]]:
+        for held in self._held:
+            problem = held.problem(now)
+            if problem is None:
+                continue
+            was_good, told = self._told.get(held, (None, now))
+            # A clock that was set back counts as a day: nobody knows how much has gone by.
+            if was_good is not problem.is_good_now or not timedelta() <= now - told < DAY:
+                yield held, problem
+
+
+def _days_left(ends: datetime | None, now: datetime) -> int | None:
+    """Return whole days: 0 on the last one, negative after the end; None where there is no end."""
+    return None if ends is None else (ends - now) // DAY

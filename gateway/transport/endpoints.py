@@ -1,5 +1,7 @@
 """Where a controller or a bus of drives is reached: plain data, checked by the configuration."""
 
+from ipaddress import IPv4Address, IPv6Address, ip_address
+
 import msgspec
 
 
@@ -47,3 +49,17 @@ def host_of(peer: str) -> str:
     ('192.168.0.7', 'fd00::7', '')
     """
     return "" if peer.startswith("/") else peer.rpartition(":")[0].strip("[]")
+
+
+def address_of(host: str) -> IPv4Address | IPv6Address:
+    """Return an address without its zone; one of IPv4 as itself, also where a socket takes both families.
+
+    Raises:
+        ValueError: it is no address.
+
+    >>> address_of("::ffff:192.0.2.7"), address_of("fe80::1%eth0")
+    (IPv4Address('192.0.2.7'), IPv6Address('fe80::1'))
+    """
+    address = ip_address(host.partition("%")[0])
+    mapped = address.ipv4_mapped if isinstance(address, IPv6Address) else None
+    return mapped or address

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.limits import TokenBucket, bucket_of
+from gateway.transport.limits import PerHost
 
 AT_ONCE: Final = 32
 MADE_ROOM: Final = f"it was the longest of {AT_ONCE} handshakes, and made room for another one"
@@ -20,7 +21,6 @@ SPARE_PER_S: Final = 5
 """For addresses that have tried nothing for two seconds, when the others take all that there are."""
 HOSTS: Final = 256
 """So many hosts have a measure of their own, all others one together: hosts must not fill the memory."""
-OTHERS: Final = "others"
 
 
 class HandshakeLimits:
@@ -36,7 +36,7 @@ class HandshakeLimits:
         self._spare = bucket_of(SPARE_PER_S, SPARE_PER_S)
         self._known: dict[str, None] = {}
         """Addresses that came in, the newest last."""
-        self._hosts: dict[str, TokenBucket] = {}
+        self._hosts = PerHost(lambda: bucket_of(PER_S_OF_A_HOST, BURST_OF_A_HOST), TokenBucket.is_full, HOSTS)
         self._running: dict[str, list[Callable[[], None]]] = {}
         """How each is ended, the oldest first, by host; first the host that has had some for longest."""
         self.running = 0
@@ -48,7 +48,7 @@ class HandshakeLimits:
         """
         if len(self._running.get(host, ())) >= AT_ONCE_OF_A_HOST:
             return f"too many handshakes: {AT_ONCE_OF_A_HOST} at once from one address"
-        bucket = self._bucket(host, now_ns)
+        bucket = self._hosts.of(host, now_ns)
         if not bucket.has_one(now_ns):
             return f"too many handshakes: {PER_S_OF_A_HOST} a second from one address"
         shared = self._shared(host, bucket, now_ns)
@@ -82,12 +82,3 @@ class HandshakeLimits:
         if host in self._known:
             return None
         return self._spare if own.is_full(now_ns) and not self._all.has_one(now_ns) else self._all
-
-    def _bucket(self, host: str, now_ns: int) -> TokenBucket:
-        if host not in self._hosts and len(self._hosts) >= HOSTS:
-            self._hosts = {name: one for name, one in self._hosts.items() if not one.is_full(now_ns)}
-            if len(self._hosts) >= HOSTS:
-                host = OTHERS
-        if host not in self._hosts:
-            self._hosts[host] = bucket_of(PER_S_OF_A_HOST, BURST_OF_A_HOST)
-        return self._hosts[host]

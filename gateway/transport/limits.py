@@ -1,7 +1,8 @@
 """How many connections a listener takes, how fast, and for how long: plain data, and the bucket of a host."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 from gateway.limits import TokenBucket
 from gateway.times import NS_PER_S
@@ -15,6 +16,10 @@ SERVED_PER_S: Final = 1000.0
 SERVED_INTERVAL_NS: Final = int(NS_PER_S / SERVED_PER_S)
 HOSTS: Final = 1024
 """So many hosts are told apart, all others together."""
+OTHERS: Final = "others"
+"""No host is called so: hosts are addresses."""
+
+Measure = TypeVar("Measure")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,36 +37,62 @@ class ConnectionLimits:
 DEFAULT_LIMITS: Final = ConnectionLimits()
 
 
+class PerHost(Generic[Measure]):
+    """A measure for each of ``most`` hosts, one together for all others: hosts must not fill the memory.
+
+    A host is forgotten when its place is wanted and ``is_unused`` says that a new measure would say the same.
+    """
+
+    def __init__(
+        self, make: Callable[[], Measure], is_unused: Callable[[Measure, int], bool], most: int
+    ) -> None:
+        self._make = make
+        self._is_unused = is_unused
+        self._most = most
+        self._hosts: dict[str, Measure] = {}
+
+    def __len__(self) -> int:
+        return len(self._hosts)
+
+    def of(self, host: str, now_ns: int) -> Measure:
+        """Return the measure of a host that comes."""
+        if host not in self._hosts and len(self._hosts) >= self._most:
+            unused = self._is_unused
+            self._hosts = {name: one for name, one in self._hosts.items() if not unused(one, now_ns)}
+            if len(self._hosts) >= self._most:
+                host = OTHERS
+        if host not in self._hosts:
+            self._hosts[host] = self._make()
+        return self._hosts[host]
+
+    def known(self, host: str) -> Measure | None:
+        """Return the measure that a host has for itself; None: it has none."""
+        return self._hosts.get(host)
+
+
 class ConnectRate:
     """A bucket of connections for each host: one host's flood costs the others nothing."""
 
     def __init__(self, limits: ConnectionLimits) -> None:
-        self._interval_ns = int(NS_PER_S / limits.connects_per_s)
-        self._burst_ns = self._interval_ns * max(limits.max_connections - 1, 0)
-        self._hosts: dict[str, TokenBucket] = {}
-        self._served: dict[str, TokenBucket] = {}
-        """How many connections of each of these hosts are forgotten that got their answer."""
+        interval_ns = int(NS_PER_S / limits.connects_per_s)
+        burst_ns = interval_ns * max(limits.max_connections - 1, 0)
+        # Beside it a bucket of those that are forgotten because they got their answer.
+        self._hosts = PerHost(
+            lambda: (TokenBucket(interval_ns, burst_ns), TokenBucket(SERVED_INTERVAL_NS, burst_ns)),
+            lambda buckets, now_ns: buckets[0].is_full(now_ns),
+            HOSTS,
+        )
 
     def takes(self, host: str, now_ns: int) -> bool:
         """Count a connection; return whether it comes slowly enough."""
-        if host not in self._hosts and len(self._hosts) >= HOSTS:
-            self._forget_full(now_ns)
-            host = host if len(self._hosts) < HOSTS else ""
-        if host not in self._hosts:
-            self._hosts[host] = TokenBucket(self._interval_ns, self._burst_ns)
-        return self._hosts[host].takes(now_ns)
+        come, _ = self._hosts.of(host, now_ns)
+        return come.takes(now_ns)
 
     def give_back(self, host: str, now_ns: int) -> None:
         """Forget a connection that got its answer and ended: to connect for each request is no flood."""
-        bucket = self._hosts.get(host)
-        if bucket is None:
+        buckets = self._hosts.known(host)
+        if buckets is None:
             return
-        if host not in self._served:
-            self._served[host] = TokenBucket(SERVED_INTERVAL_NS, self._burst_ns)
-        if self._served[host].takes(now_ns):
-            bucket.give_back()
-
-    def _forget_full(self, now_ns: int) -> None:
-        """Forget the hosts whose bucket is full again."""
-        self._hosts = {host: bucket for host, bucket in self._hosts.items() if not bucket.is_full(now_ns)}
-        self._served = {host: bucket for host, bucket in self._served.items() if host in self._hosts}
+        come, served = buckets
+        if served.takes(now_ns):
+            come.give_back()

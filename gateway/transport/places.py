@@ -8,9 +8,9 @@ and never within :data:`QUIET_NS` of a request, unless its peer is known to be g
 """
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import Enum
-from typing import Final, Protocol, runtime_checkable
+from typing import Final, Protocol, TypeVar, runtime_checkable
 
 from gateway.times import NS_PER_S
 from gateway.transport.limits import ConnectionLimits
@@ -25,6 +25,20 @@ LOOK_EVERY_NS: Final = NS_PER_S // 10
 """How often it is looked for somebody who makes room for one host: a flood must not keep the loop busy."""
 SWEEP_S: Final = 1.0
 """How often connections are looked at that have to end."""
+
+AnyGuest = TypeVar("AnyGuest")
+
+
+def longest(guests: Iterable[AnyGuest], since: Callable[[AnyGuest], float | None]) -> AnyGuest | None:
+    """Return the one that makes room for a newcomer: it has been so for longest; None: there is none.
+
+    ``since`` returns since when one has been what lets it go first, None where it is not.
+
+    >>> longest(["it reads", "asked at 7", "asked at 3"], lambda one: float(one[-1]) if "at" in one else None)
+    'asked at 3'
+    """
+    waiting = [(when, number, one) for number, one in enumerate(guests) if (when := since(one)) is not None]
+    return min(waiting)[2] if waiting else None
 
 
 class Closing(Enum):
@@ -122,7 +136,7 @@ class Places:
             is_late = self._patience_ns and asking.unfinished_ns
             if is_late and now_ns - asking.unfinished_ns > self._patience_ns:
                 self.close(guest, Closing.HALF_FRAME)
-            elif self._idle_ns and _quiet_ns(guest, asking, now_ns) > self._idle_ns:
+            elif self._idle_ns and now_ns - _quiet_since_ns(guest, asking) > self._idle_ns:
                 self.close(guest, Closing.IDLE)
 
     def close(self, guest: Guest, why: Closing) -> None:
@@ -136,24 +150,23 @@ class Places:
         most = max(counts.values())
         is_many = most > counts[host] + 1
         is_hoard = most > self._max // 2 and is_many
-        longest: tuple[int, Guest] | None = None
-        for guest in self._guests:
+
+        def quiet_since_ns(guest: Guest) -> int | None:
             asking = guest.asking
             # The newcomer's own host makes room itself where it has as many as any.
             if asking is None or counts[guest.host] < most or (counts[host] == most and guest.host != host):
-                continue
-            quiet_ns = _quiet_ns(guest, asking, now_ns)
-            if not is_hoard and quiet_ns < _least_ns(asking, is_many=is_many):
-                continue
-            if not asking.asked_ns:
-                quiet_ns += QUIET_NS  # before those that have asked for something
-            if longest is None or quiet_ns > longest[0]:
-                longest = quiet_ns, guest
-        return None if longest is None else longest[1]
+                return None
+            since_ns = _quiet_since_ns(guest, asking)
+            if not is_hoard and now_ns - since_ns < _least_ns(asking, is_many=is_many):
+                return None
+            # Who never asked goes before those that have asked for something.
+            return since_ns if asking.asked_ns else since_ns - QUIET_NS
+
+        return longest(self._guests, quiet_since_ns)
 
 
-def _quiet_ns(guest: Guest, asking: Asking, now_ns: int) -> int:
-    return now_ns - max(guest.opened_ns, asking.asked_ns)
+def _quiet_since_ns(guest: Guest, asking: Asking) -> int:
+    return max(guest.opened_ns, asking.asked_ns)
 
 
 def _least_ns(asking: Asking, *, is_many: bool) -> int:

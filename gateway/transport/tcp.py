@@ -11,23 +11,22 @@ import os
 import socket
 from collections.abc import Callable, Iterable
 from enum import Enum
-from functools import partial
-from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address
+from ipaddress import IPv4Network, IPv6Network
 from typing import Final, cast
 
 from gateway.clock import boot_ns
 from gateway.times import NS_PER_S
 from gateway.transport.channel import CLOSED, CLOSED_BY_PEER, Channel, Receiver
 from gateway.transport.direct import MORE_BYTES, RECEIVE_BYTES, DirectSocket, FarEnd
-from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.endpoints import TcpEndpoint, address_of
 from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.keeper import Keeper
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits, ConnectRate
+from gateway.transport.listener import ProtocolListener, bound
 from gateway.transport.loop import RelayLoop
 from gateway.transport.peer_probe import PeerProbe, Verdict
 from gateway.transport.permissions import is_permission, no_port
 from gateway.transport.places import LOOK_EVERY_NS, SWEEP_S, Asking, Closing, Places
-from gateway.transport.stopping import stop_serving
 
 CONNECT_TIMEOUT_S: Final = 3.0
 LOOKS: Final = 4
@@ -300,7 +299,7 @@ class TcpListener:
         self._allow = tuple(allow)
         self._make_receiver = make_receiver
         self._on_refused = on_refused
-        self._servers: list[asyncio.Server] = []
+        self._listener = ProtocolListener(lambda: _AcceptedChannel(self, self._make_receiver()))
         self._channels: set[_AcceptedChannel] = set()
         self._is_accepting = True
         self.refused = 0
@@ -316,7 +315,7 @@ class TcpListener:
     @property
     def sockets(self) -> list[socket.socket]:
         """What it listens with; none before it is opened."""
-        return [listening for server in self._servers for listening in server.sockets]
+        return self._listener.sockets
 
     @property
     def peers(self) -> list[str]:
@@ -329,14 +328,8 @@ class TcpListener:
         Raises:
             RefusedError: port in use, no permission, no such address; with the remedy.
         """
-        listen = partial(
-            asyncio.get_running_loop().create_server, lambda: _AcceptedChannel(self, self._make_receiver())
-        )
         try:
-            self._servers = [await listen(sock=each) for each in kept]
-            if not self._servers:
-                where = self._endpoint
-                self._servers = [await listen(where.host, where.port, reuse_address=True)]
+            self._listener.open(list(kept) or await bound(self._endpoint.host, self._endpoint.port))
         except OSError as error:
             raise RefusedError(_why_not_listening(self._endpoint, error)) from error
 
@@ -346,12 +339,12 @@ class TcpListener:
         for timer in (self._sweeping, self._probing):
             if timer is not None:
                 timer.cancel()
-        for server in self._servers:
-            stop_serving(server)
+        self._listener.stop()
 
     async def close(self) -> None:
         """Close everything after what was written has left (within a second, else at once)."""
         self.stop_accepting()
+        await self._listener.close()
         lost = [channel.lost for channel in self._channels]
         for channel in tuple(self._channels):
             channel.close()
@@ -359,8 +352,6 @@ class TcpListener:
             await asyncio.wait(lost, timeout=1.0)
         for channel in tuple(self._channels):
             channel.abort()
-        for server in self._servers:
-            await server.wait_closed()
 
     def admit(self, channel: _AcceptedChannel) -> bool:
         """Whether a new connection is let in."""
@@ -438,9 +429,7 @@ class TcpListener:
     def _is_allowed(self, host: str) -> bool:
         if not self._allow:
             return True
-        address = ip_address(host.partition("%")[0])
-        if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
-            address = address.ipv4_mapped
+        address = address_of(host)
         return any(address in network for network in self._allow)
 
 

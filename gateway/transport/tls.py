@@ -1,7 +1,4 @@
-"""The context of TLS that the files of a listener make, and that is made anew when they are others.
-
-TLS 1.2 or newer, forward secrecy and authenticated encryption only, and nobody without a certificate.
-"""
+"""What a listener speaks TLS with: TLS 1.2 or newer, forward secrecy and authenticated encryption only."""
 
 import os
 import ssl
@@ -11,8 +8,7 @@ from typing import Final
 
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.secret_files import refuse_open_to_others
-from gateway.transport.certificate_ends import Held, read_held
-from gateway.transport.tls_files import LARGEST_FILE, TlsFileError, TlsFiles
+from gateway.transport.certificates import LARGEST_FILE, Held, TlsFileError, TlsFiles, read_held
 
 MOST_SESSIONS: Final = 64
 """OpenSSL keeps every session of TLS 1.2 for two hours, some 16 KiB each, and Python cannot tell it not to: a
@@ -21,15 +17,8 @@ CIPHERS: Final = "ECDHE+AESGCM:ECDHE+CHACHA20"
 """Of TLS 1.2; those of 1.3 are all of this kind."""
 
 
-def server_context(files: TlsFiles) -> ssl.SSLContext:
-    """Return the context of a listener. Reads files: it may block.
-
-    Raises:
-        TlsFileError: a file is missing or something else, a key is another's, encrypted, or open to others.
-    """
-    paths = files.paths
-    for key, path in paths.items():
-        _look_at(key, path)
+def bare_server_context() -> ssl.SSLContext:
+    """Return the context of any listener of ours, without certificates yet."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     context.set_ciphers(CIPHERS)
@@ -37,6 +26,22 @@ def server_context(files: TlsFiles) -> ssl.SSLContext:
     # session is good as long as its context is, and new files make a new context.
     context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION | ssl.OP_NO_TICKET
     context.num_tickets = 0
+    return context
+
+
+# --- Modbus/TCP Security
+
+
+def server_context(files: TlsFiles) -> ssl.SSLContext:
+    """Return the context of a controller's listener: nobody without a certificate. Reads files: it may block.
+
+    Raises:
+        TlsFileError: a file is missing or something else, a key is another's, encrypted, or open to others.
+    """
+    paths = files.paths
+    for key, path in paths.items():
+        _look_at(key, path)
+    context = bare_server_context()
     context.verify_mode = ssl.CERT_REQUIRED
     _load_own(context, paths)
     _load_clients(context, paths)

@@ -13,7 +13,7 @@ from gateway.config.load import Loaded, load
 from gateway.exchange.plan import Role
 from gateway.exchange.rights import RegisterSpan, Rights
 from gateway.state.plan import RoleRights, TlsPlan, read_plan
-from gateway.transport.tls_files import TlsFiles
+from gateway.transport.certificates import TlsFiles
 from tests.certificates import Shop, openssl
 from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused, written
 

@@ -134,7 +134,8 @@ async def test_a_request_that_nobody_has_read_yet_is_under_way(tmp_path: Path) -
         with socket.socket(socket.AF_UNIX) as ninth:
             ninth.connect(str(site.server.path))
             clients[0]._writer.write(encode(Ping()))
-            site.server._accept()
+            listener = site.server._listener
+            listener._accept(listener.sockets[0])
             assert isinstance(await clients[0].told(), Pong)
             assert await clients[1].told() == Refused(reason=GAVE_WAY)
 

@@ -10,8 +10,8 @@ from gateway.exchange.plan import ControllerPlan, Role
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, TlsPlan
+from gateway.transport.certificates import TlsFiles
 from gateway.transport.endpoints import TcpEndpoint
-from gateway.transport.tls_files import TlsFiles
 from tests.certificates import Shop, client_context
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateway.catalogue.entry import EventEntry
 from gateway.cli.certificates.making import make_authority, make_leaf, make_list
-from gateway.transport.certificate_ends import Endings, read_held
-from gateway.transport.certificate_times import SOON
+from gateway.transport.certificates import SOON, Endings, read_held
 
 BORN = datetime(2026, 3, 1, 12, tzinfo=UTC)
 """The certificate is good for 40 days from here: until 10 April, 12:00."""

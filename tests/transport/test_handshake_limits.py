@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from gateway.clock import boot_ns
+from gateway.transport.certificates import TlsFiles
 from gateway.transport.channel import Channel
 from gateway.transport.handshakes import HOSTS, MADE_ROOM, HandshakeLimits
 from gateway.transport.secured import Door, Failure
 from gateway.transport.tls import ServerContexts
-from gateway.transport.tls_files import TlsFiles
 from tests.certificates import Shop
 
 S = 1_000_000_000

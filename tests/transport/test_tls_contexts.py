@@ -4,8 +4,8 @@ import ssl
 from contextlib import suppress
 from pathlib import Path
 
+from gateway.transport.certificates import TlsFileError, TlsFiles
 from gateway.transport.tls import MOST_SESSIONS, ServerContexts
-from gateway.transport.tls_files import TlsFileError, TlsFiles
 from tests.certificates import Shop, client_context
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.files import FileRefusedError
-from gateway.transport.certificate_facts import Facts, list_ends, read_facts
+from gateway.transport.certificates import Facts, list_ends, read_facts
 
 
 def shown(path: Path, now: datetime) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from gateway.cli.listening.tally import Tally
 from gateway.modbus.mbap import MbapDecoder
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
-from gateway.transport.stopping import all_made, stop_serving
+from gateway.transport.listener import ProtocolListener, bound
 from gateway.transport.tcp import why_not_reached
 
 CHUNK_BYTES: Final = 4096
@@ -74,33 +74,32 @@ class Proxy:
         self._far = far
         self._tally = tally
         self._say = say
-        self._server: asyncio.Server | None = None
+        self._listener = ProtocolListener(self._protocol)
         self._tasks: set[asyncio.Task[None]] = set()
 
     @property
     def port(self) -> int:
         """Where it listens."""
-        assert self._server is not None
-        port: int = self._server.sockets[0].getsockname()[1]
+        port: int = self._listener.sockets[0].getsockname()[1]
         return port
 
     async def open(self) -> None:
         """Listen. Raises AbsentError or RefusedError: the address is not here, or in use."""
         try:
-            self._server = await asyncio.start_server(self._accepted, self._near.host, self._near.port)
+            self._listener.open(await bound(self._near.host, self._near.port))
         except OSError as error:
             kind = AbsentError if isinstance(error, FileNotFoundError) else RefusedError
             raise kind(f"cannot listen on {self._near}: {error.strerror or error}") from error
 
     async def close(self) -> None:
         """Listen no more, and close every connection."""
-        assert self._server is not None
-        stop_serving(self._server)
-        await all_made()
+        await self._listener.close()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        await self._server.wait_closed()
+
+    def _protocol(self) -> asyncio.StreamReaderProtocol:
+        return asyncio.StreamReaderProtocol(asyncio.StreamReader(), self._accepted)
 
     async def _accepted(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.current_task()

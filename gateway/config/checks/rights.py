@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from gateway.config.axis_model import AxisSection, Writers
 from gateway.config.checks.lines import controller_key
@@ -19,12 +19,16 @@ from gateway.exchange.access import MONITOR_FUNCTIONS
 from gateway.exchange.plan import Role
 from gateway.files import FileRefusedError
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, FunctionCode
-from gateway.transport.certificate_times import TimeProblem, list_problem, time_problem
-from gateway.transport.tls_files import TlsFileError, TlsFiles
-
-if TYPE_CHECKING:
-    from gateway.transport.certificate_facts import Facts
-
+from gateway.transport.certificates import (
+    Facts,
+    TimeProblem,
+    TlsFileError,
+    TlsFiles,
+    list_ends,
+    list_problem,
+    read_facts,
+    time_problem,
+)
 
 # --- Whether the rights of a controller say something, and leave no half of a position to be written
 
@@ -317,8 +321,6 @@ class _Check:
             self._check_strength("clients", each)
 
     def _revoked(self) -> None:
-        from gateway.transport.certificate_facts import list_ends
-
         try:
             _, ends = list_ends(Path(self._files.revoked))
         except FileRefusedError as error:
@@ -326,16 +328,14 @@ class _Check:
             return
         self._say("revoked", list_problem(self._files.revoked, ends, self._now))
 
-    def _facts(self, key: str, name: str) -> "tuple[Facts, ...]":
-        from gateway.transport.certificate_facts import read_facts
-
+    def _facts(self, key: str, name: str) -> tuple[Facts, ...]:
         try:
             return read_facts(Path(name))
         except FileRefusedError as error:
             self._refuse(key, f"{name}: {error.found}", error.remedy)
             return ()
 
-    def _check_time(self, key: str, facts: "Facts") -> None:
+    def _check_time(self, key: str, facts: Facts) -> None:
         self._say(key, time_problem(facts, self._now))
 
     def _say(self, key: str, problem: TimeProblem | None) -> None:
@@ -343,7 +343,7 @@ class _Check:
             say = self._warn if problem.is_good_now else self._refuse
             say(key, problem.found, problem.remedy)
 
-    def _check_strength(self, key: str, facts: "Facts") -> None:
+    def _check_strength(self, key: str, facts: Facts) -> None:
         if facts.weakness:
             self._refuse(
                 key, f"{facts.subject} has a weak key: {facts.weakness}", "have it made anew with P-256"

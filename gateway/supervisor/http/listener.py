@@ -6,9 +6,8 @@ import logging
 import socket
 import ssl
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -28,9 +27,10 @@ from gateway.supervisor.http.answers import (
     json_bytes,
     shortened,
 )
-from gateway.supervisor.http.refusals import Refused, site_of, tell_nobody
-from gateway.transport.certificate_ends import Held, read_held
+from gateway.supervisor.http.refusals import Refused, tell_nobody
+from gateway.transport.certificates import Held, read_held
 from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.places import longest
 
 # --- One connection: uvicorn's HTTP/1.1, with an end to everything that somebody could keep waiting
 
@@ -70,8 +70,7 @@ class Connection(H11Protocol):
         self._make_room = make_room
         self._refused = refused
         now_s = time.monotonic()
-        self.quiet_since_s = now_s
-        """When it was opened, or when its last answer was whole; for whoever has to make room."""
+        self._quiet_since_s = now_s
         self._asking_since_s: float | None = now_s
         self._stalled_since_s: float | None = None
         self._closing_since_s: float | None = None
@@ -84,6 +83,11 @@ class Connection(H11Protocol):
         """Whether nothing is being answered."""
         cycle: RequestResponseCycle | None = self.cycle
         return cycle is None or cycle.response_complete
+
+    @property
+    def idle_since_s(self) -> float | None:
+        """Since when nothing is being answered: its last answer was whole, or it was opened; None: it is."""
+        return self._quiet_since_s if self.is_idle else None
 
     @property
     def stalled_since_s(self) -> float | None:
@@ -151,7 +155,7 @@ class Connection(H11Protocol):
 
     def on_response_complete(self) -> None:
         """See ``H11Protocol``."""
-        self.quiet_since_s = time.monotonic()
+        self._quiet_since_s = time.monotonic()
         super().on_response_complete()
 
     def pause_writing(self) -> None:
@@ -182,7 +186,10 @@ class Connection(H11Protocol):
 
     def leave(self) -> None:
         """Close it; what waits for somebody who does not take it is lost."""
-        self.transport.close()
+        if (
+            not self.transport.is_closing()
+        ):  # closed twice a transport of TLS is of no more use (CPython, sslproto)
+            self.transport.close()
         if self.transport.get_write_buffer_size():
             self.transport.abort()
 
@@ -238,7 +245,7 @@ def silence_uvicorn() -> None:
 
 
 class Door:
-    """Makes connections for a server of asyncio, and holds them to their limits.
+    """Makes connections for a listener, and holds them to their limits.
 
     :meth:`watch` has to run while it is open, :meth:`close` ends it.
     """
@@ -271,16 +278,13 @@ class Door:
         connections = self._connections
         if len(connections) < self.limits.connections:
             return True
-        idle = [one for one in connections if one.is_idle]
-        stalled = [(since_s, one) for one in connections if (since_s := one.stalled_since_s) is not None]
-        if idle:
-            longest, which = min(idle, key=lambda one: one.quiet_since_s), "asked nothing"
-        elif stalled:
-            (_, longest), which = min(stalled, key=lambda pair: pair[0]), "took nothing of its answer"
-        else:
+        which, going = "asked nothing", longest(connections, lambda one: one.idle_since_s)
+        if going is None:
+            which, going = "took nothing of its answer", longest(connections, lambda one: one.stalled_since_s)
+        if going is None:
             return False
-        self.refused(longest.peer, f"too many connections at once: the one that {which} for longest")
-        longest.give_way()
+        self.refused(going.peer, f"too many connections at once: the one that {which} for longest")
+        going.give_way()
         return True
 
     @contextlib.contextmanager
@@ -312,165 +316,6 @@ class Door:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-
-
-# --- A listener that speaks TLS: handshakes are few at once and end in time, so that none keeps others out
-
-HANDSHAKE_S: Final = 10.0
-SHUTDOWN_S: Final = 2.0
-"""For the other side to take its leave."""
-PAUSE_S: Final = 0.5
-"""After an accept that failed, as without a free descriptor."""
-BACKLOG: Final = 128
-
-
-_DISTRUST: Final = frozenset(
-    f"{version}_ALERT_{what}"
-    for version in ("SSLV3", "TLSV1", "TLSV13")
-    for what in ("BAD_CERTIFICATE", "CERTIFICATE_UNKNOWN", "CERTIFICATE_EXPIRED", "UNKNOWN_CA")
-)
-"""What a browser says before its user has been asked, and every client to which the authority is unknown."""
-
-
-@dataclass(frozen=True, slots=True)
-class HandshakeLimits:
-    """How many handshakes may go on at once; for one more the oldest ends."""
-
-    at_once: int = 64
-    from_one_site: int = 16
-    time_s: float = HANDSHAKE_S
-
-
-class TlsListener:
-    """Accepts on bound sockets, which it closes at its end; :meth:`run` runs until cancelled.
-
-    asyncio's own server lets any number of connections be in a handshake, and tells nobody of them.
-    """
-
-    def __init__(
-        self,
-        sockets: Iterable[socket.socket],
-        context: ssl.SSLContext,
-        protocol: Callable[[], asyncio.Protocol],
-        refused: Refused,
-        limits: HandshakeLimits,
-    ) -> None:
-        self._sockets = list(sockets)
-        self._context = context
-        self._protocol = protocol
-        self._refused = refused
-        self._limits = limits
-        self._shaking: dict[asyncio.Task[None], str] = {}
-        """The handshakes that go on, the oldest first, with where each comes from."""
-        for one in self._sockets:
-            one.setblocking(False)
-            one.listen(BACKLOG)
-
-    @property
-    def handshakes(self) -> int:
-        """How many go on."""
-        return len(self._shaking)
-
-    async def run(self) -> None:
-        """Accept until cancelled."""
-        try:
-            async with asyncio.TaskGroup() as group:
-                for one in self._sockets:
-                    group.create_task(self._accept(one))
-        finally:
-            for one in self._sockets:
-                one.close()
-            shaking = list(self._shaking)
-            for task in shaking:
-                task.cancel()
-            await asyncio.gather(*shaking, return_exceptions=True)
-
-    async def _accept(self, listening: socket.socket) -> None:
-        loop = asyncio.get_running_loop()
-        somebody = asyncio.Event()
-        loop.add_reader(listening.fileno(), somebody.set)
-        try:
-            while True:
-                # Not `sock_accept`: cancelled in the wrong turn it has a connection, and gives it to nobody.
-                await somebody.wait()
-                somebody.clear()
-                try:
-                    connection, address = listening.accept()
-                except (BlockingIOError, InterruptedError):
-                    continue
-                except OSError:
-                    # Whoever waits stays there, and would have us called without end.
-                    loop.remove_reader(listening.fileno())
-                    await asyncio.sleep(PAUSE_S)
-                    loop.add_reader(listening.fileno(), somebody.set)
-                    continue
-                self._take(connection, site_of(address[0]))
-                await asyncio.sleep(0)  # the handshakes have their turn too
-        finally:
-            loop.remove_reader(listening.fileno())
-
-    def _take(self, connection: socket.socket, site: str) -> None:
-        self._make_room(site)
-        connection.setblocking(False)
-        task = asyncio.create_task(self._shake(connection, site))
-        self._shaking[task] = site
-        task.add_done_callback(partial(self._shaken, connection))
-
-    def _shaken(self, connection: socket.socket, task: "asyncio.Task[None]") -> None:
-        self._shaking.pop(task, None)
-        if task.cancelled():  # perhaps before it began
-            _close(connection)
-
-    def _make_room(self, site: str) -> None:
-        """End the oldest handshake from where too many come, or of all where there are too many."""
-        of_site = [task for task, other in self._shaking.items() if other == site]
-        if len(of_site) >= self._limits.from_one_site:
-            oldest = of_site[0]
-        elif len(self._shaking) >= self._limits.at_once:
-            oldest = next(iter(self._shaking))
-        else:
-            return
-        self._refused(self._shaking.pop(oldest), "too many TLS handshakes at once")
-        oldest.cancel()
-
-    async def _shake(self, connection: socket.socket, site: str) -> None:
-        is_open = False
-        try:
-            await asyncio.get_running_loop().connect_accepted_socket(
-                self._protocol,
-                connection,
-                ssl=self._context,
-                ssl_handshake_timeout=self._limits.time_s,
-                ssl_shutdown_timeout=SHUTDOWN_S,
-            )
-            is_open = True
-        except OSError as error:
-            self._refused(site, _why(error))
-        finally:
-            if not is_open:
-                _close(connection)
-
-
-def _close(connection: socket.socket) -> None:
-    with contextlib.suppress(OSError):
-        connection.close()
-
-
-def _why(error: OSError) -> str:
-    """Return why a handshake came to nothing, in words without anything that the other side sent.
-
-    >>> _why(ConnectionResetError(104, "Connection reset by peer"))
-    'no TLS: the other side went away'
-    """
-    if isinstance(error, ssl.SSLCertVerificationError):
-        return f"its certificate: {error.verify_message}"
-    if isinstance(error, ssl.SSLError) and error.reason in _DISTRUST:
-        return "the other side did not take the certificate of the page"
-    if isinstance(error, ssl.SSLError):
-        return f"no TLS: {(error.reason or 'not understood').lower().replace('_', ' ')}"
-    if isinstance(error, ConnectionAbortedError):
-        return "the TLS handshake never ended"
-    return "no TLS: the other side went away"
 
 
 # --- Where the page is wanted, and for whom: what a configuration says, with the files that it names

@@ -3,13 +3,14 @@
 from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from ipaddress import IPv6Address, ip_address, ip_network
+from ipaddress import IPv6Address, ip_network
 from typing import Final
 
 from gateway.catalogue.entry import EventEntry
 from gateway.limits import Reports
 from gateway.supervisor.saying import Say
 from gateway.times import NS_PER_S
+from gateway.transport.endpoints import address_of
 
 # --- Who tries tokens: after ten wrong ones within a minute nothing from there is tried for a minute
 
@@ -66,11 +67,9 @@ def site_of(address: str) -> str:
     '192.0.2.7'
     """
     try:
-        parsed = ip_address(address.partition("%")[0])
+        parsed = address_of(address)
     except ValueError:
         return address
-    if isinstance(parsed, IPv6Address) and parsed.ipv4_mapped is not None:
-        return str(parsed.ipv4_mapped)
     if isinstance(parsed, IPv6Address) and not parsed.is_loopback:
         return str(ip_network((parsed, ONE_SITE_BITS), strict=False))
     return str(parsed)

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import os
 import socket
-import ssl
 import time
 from collections.abc import Callable
 from datetime import datetime
@@ -22,12 +21,11 @@ from gateway.supervisor.http.answers import LOCAL, TCP, Limits
 from gateway.supervisor.http.application import ASKING_PATHS, LOCAL_PATHS, PATHS, Served
 from gateway.supervisor.http.documents import Window
 from gateway.supervisor.http.guard import READS, Guard, Rules
-from gateway.supervisor.http.listener import Door, HandshakeLimits, TlsListener, Wanted, wanted_by
+from gateway.supervisor.http.listener import Door, Wanted, wanted_by
 from gateway.supervisor.http.login import LOOK_S, Access, Sessions, Tokens
-from gateway.supervisor.http.refusals import Refusals
-from gateway.transport.certificate_ends import Endings
-from gateway.transport.certificates import now_utc
-from gateway.transport.stopping import all_made, stop_serving
+from gateway.supervisor.http.refusals import Refusals, site_of
+from gateway.transport.certificates import Endings, now_utc
+from gateway.transport.listener import HandshakesAtOnce, ProtocolListener, Tls, bound
 
 FIRST_WAIT_S: Final = 0.5
 LONGEST_WAIT_S: Final = 30.0
@@ -45,7 +43,7 @@ class HttpService:
         window: Window,
         tcp: Limits = TCP,
         local: Limits = LOCAL,
-        handshakes: HandshakeLimits = HandshakeLimits(),  # noqa: B008 - frozen
+        handshakes: HandshakesAtOnce = HandshakesAtOnce(),  # noqa: B008 - frozen
         *,
         now: Callable[[], datetime] = now_utc,
     ) -> None:
@@ -139,25 +137,21 @@ class HttpService:
         there_is = PATHS if access is None else ASKING_PATHS
         rules = Rules(methods, host if is_loopback(host) else None, there_is)
         door.serve(Guard(served.application(door, there_is, access), rules, access, self._refused))
-        loop = asyncio.get_running_loop()
-        server = await loop.create_server(
-            door.connection, host, wanted.endpoint.port, start_serving=context is None
-        )
+        tls = None if context is None else Tls(context, self._handshakes, self._refused, site_of)
+        listener = ProtocolListener(door.connection, tls)
+        listener.open(await bound(host, wanted.endpoint.port))
         self._tcp_problem = None
         if self._endings.is_other(held):
             self._window.say(CERTIFICATES_RENEWED, detail="http.tls: the page is served with them")
         self._endings.take(held)
         watching = [asyncio.create_task(door.watch())]
         watching.append(asyncio.create_task(self._watch()))
-        if context is not None:
-            listener = self._tls_listener(server, context, door)
-            watching.append(asyncio.create_task(listener.run()))
         try:
             self._address = wanted.address
             self._window.say(HTTP_READY, address=self._address)
             await self._changed.wait()
         finally:
-            await _close(server, door, *watching)
+            await _close(listener, door, *watching)
             self._address = self._tokens = None
 
     def _access(self, wanted: Wanted) -> Access | None:
@@ -166,11 +160,6 @@ class HttpService:
             return None
         self._tokens = Tokens(wanted.tokens, wanted.folder, self._token_unusable)
         return Access(self._tokens, self._sessions, self._refusals, wanted.cookie)
-
-    def _tls_listener(self, server: asyncio.Server, context: ssl.SSLContext, door: Door) -> TlsListener:
-        """Return what accepts on the sockets of a server that never begins to."""
-        sockets = [one.dup() for one in server.sockets]
-        return TlsListener(sockets, context, door.connection, self._refused, self._handshakes)
 
     def _refused(self, peer: str, why: str) -> None:
         self._refusals.note(HTTP_REFUSED, peer, why, time.monotonic())
@@ -211,12 +200,13 @@ class HttpService:
         door = Door(self._limits["local"])
         rules = Rules(READS | {"POST"}, there_is=LOCAL_PATHS)
         door.serve(Guard(served.application(door, LOCAL_PATHS), rules))
-        server = await asyncio.get_running_loop().create_unix_server(door.connection, sock=listening)
+        listener = ProtocolListener(door.connection)
+        listener.open([listening])
         watching = asyncio.create_task(door.watch())
         try:
             await asyncio.get_running_loop().create_future()
         finally:
-            await _close(server, door, watching)
+            await _close(listener, door, watching)
 
     def _not_open(self, where: str, why: str) -> None:
         self._window.say(
@@ -226,9 +216,8 @@ class HttpService:
         )
 
 
-async def _close(server: asyncio.Server, door: Door, *watching: "asyncio.Task[None]") -> None:
-    stop_serving(server)
-    await all_made()
+async def _close(listener: ProtocolListener, door: Door, *watching: "asyncio.Task[None]") -> None:
+    await listener.close()
     for task in watching:
         task.cancel()
     await asyncio.gather(*watching, return_exceptions=True)

@@ -12,8 +12,8 @@ from typing import Any
 from gateway.config.http_model import HttpSection, HttpTlsSection, TokenSection
 from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.http.answers import TCP, Limits
-from gateway.supervisor.http.listener import HandshakeLimits
 from gateway.transport.certificates import now_utc
+from gateway.transport.listener import HandshakesAtOnce
 from tests.certificates import authority, signed_by
 from tests.supervisor.http.http_bench import Answer, Line, Served, model, serving, until
 
@@ -134,7 +134,7 @@ async def asking(
     tokens: bool = True,
     clients: bool = False,
     tcp: Limits = TCP,
-    handshakes: HandshakeLimits = HandshakeLimits(),  # noqa: B008
+    handshakes: HandshakesAtOnce = HandshakesAtOnce(),  # noqa: B008
     now: Callable[[], datetime] = now_utc,
     acknowledge: Callable[[str, str, str, str], Acknowledgement | None] | None = None,
 ) -> AsyncIterator[Asking]:

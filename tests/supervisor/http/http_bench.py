@@ -20,12 +20,12 @@ from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.answers import LOCAL, TCP, Limits
 from gateway.supervisor.http.documents import Window
-from gateway.supervisor.http.listener import HandshakeLimits
 from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.past import Noted
 from gateway.transport.certificates import now_utc
+from gateway.transport.listener import HandshakesAtOnce
 from tests.ports import free_port
 
 PATIENCE_S = 20.0
@@ -300,7 +300,7 @@ async def serving(
     feeds: Feeds | None = None,
     tcp: Limits = TCP,
     local: Limits = LOCAL,
-    handshakes: HandshakeLimits = HandshakeLimits(),  # noqa: B008
+    handshakes: HandshakesAtOnce = HandshakesAtOnce(),  # noqa: B008
     settings: AxisSettings | None = None,
     outcome: Outcome | None = None,
     now: Callable[[], datetime] = now_utc,

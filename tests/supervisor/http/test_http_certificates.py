@@ -10,8 +10,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateway.catalogue.tls_events import CERTIFICATE_ENDS_SOON
 from gateway.supervisor.http.listener import wanted_by
-from gateway.transport.certificate_times import SOON
-from gateway.transport.certificates import now_utc
+from gateway.transport.certificates import SOON, now_utc
 from tests.certificates import Shop
 from tests.supervisor.http.doors import asking, section
 from tests.supervisor.http.exposition import samples

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from gateway.supervisor.http.answers import Limits
-from gateway.supervisor.http.listener import HandshakeLimits, TlsListener, wanted_by
-from gateway.supervisor.http.refusals import tell_nobody
+from gateway.supervisor.http.listener import wanted_by
+from gateway.supervisor.http.refusals import site_of, tell_nobody
+from gateway.transport.listener import HandshakesAtOnce, ProtocolListener, Tls
 from tests.certificates import Shop, signed_by
 from tests.supervisor.http.doors import (
     TOKEN,
@@ -251,7 +252,7 @@ async def test_what_is_no_tls_is_closed(
 
 
 async def test_a_handshake_that_never_ends_is_ended(tmp_path: Path, certificates: Path) -> None:
-    limits = HandshakeLimits(time_s=0.05)
+    limits = HandshakesAtOnce(time_s=0.05)
     async with asking(tmp_path, certificates, handshakes=limits) as visitor:
         line = await visitor.served.connect()
         await line.say(b"\x16\x03\x01\x02\x00\x01")  # the beginning of a ClientHello
@@ -265,24 +266,21 @@ async def test_who_connected_just_before_the_end_is_not_left_hanging(certificate
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(certificates / "page.crt", certificates / "page.key")
     listening = socket.create_server(("127.0.0.1", 0))
-    listener = TlsListener([listening], context, asyncio.Protocol, tell_nobody, HandshakeLimits())
-    running = asyncio.create_task(listener.run())
-    await asyncio.sleep(0)
-    await asyncio.sleep(0)
+    tls = Tls(context, HandshakesAtOnce(), tell_nobody, site_of)
+    listener = ProtocolListener(asyncio.Protocol, tls)
+    listener.open([listening])
     with socket.create_connection(listening.getsockname(), timeout=30) as there:
         for _ in range(turns):
             await asyncio.sleep(0)
-        running.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await running
+        await listener.close()
         with contextlib.suppress(ConnectionResetError):
             assert await asyncio.get_running_loop().run_in_executor(None, there.recv, 1) == b""
     assert listener.handshakes == 0
 
 
-@pytest.mark.parametrize("limits", [HandshakeLimits(at_once=8), HandshakeLimits(from_one_site=8)])
+@pytest.mark.parametrize("limits", [HandshakesAtOnce(at_once=8), HandshakesAtOnce(from_one_site=8)])
 async def test_the_oldest_of_too_many_handshakes_ends(
-    tmp_path: Path, certificates: Path, limits: HandshakeLimits
+    tmp_path: Path, certificates: Path, limits: HandshakesAtOnce
 ) -> None:
     async with asking(tmp_path, certificates, handshakes=limits) as visitor:
         lines = [await visitor.served.connect() for _ in range(8)]
@@ -349,6 +347,28 @@ async def test_a_renewed_certificate_is_shown_after_a_reload(tmp_path: Path, cer
         assert await shown() != old
         assert [event for event, _ in visitor.served.said[said:]] == ["certificates-renewed", "http-ready"]
         assert (await visitor.ask("/status", cookie)).status == 200  # nobody has to log in for that
+
+
+async def test_whoever_does_not_take_leave_of_tls_does_not_end_the_service(
+    tmp_path: Path, certificates: Path
+) -> None:
+    """The page has closed the connection, and waits for the other side, when it is opened anew."""
+    async with asking(tmp_path, certificates) as visitor:
+
+        def ask() -> ssl.SSLSocket:
+            connection = socket.create_connection(("127.0.0.1", visitor.served.port), timeout=PATIENCE_S)
+            secured = trusting(certificates).wrap_socket(connection, server_hostname="127.0.0.1")
+            secured.sendall(b"GET /session HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+            assert secured.recv(8) == b"HTTP/1.1"
+            return secured
+
+        with await asyncio.to_thread(ask):
+            said = len(visitor.served.said)
+            visitor.served.service.configure(
+                section(visitor.served.port, certificates, clients=True), "mill-1", tmp_path
+            )
+            await until(lambda: "http-ready" in [event for event, _ in visitor.served.said[said:]])
+            assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
 
 
 async def test_a_certificate_that_is_gone_is_a_problem_that_says_so(
