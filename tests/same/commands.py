@@ -150,6 +150,7 @@ def _steps(desk: "Desk") -> Iterator[str]:
     ):
         yield from desk.commanded(command, asked)
         yield from desk.moves(f"after {command} {asked}")
+    desk.settle()
     for path in ("/healthz", "/status", "/nothing", "/metrics"):
         yield from desk.fetched(path)
     yield from desk.said("status gateway.toml --json")
@@ -178,6 +179,8 @@ class Desk:
         self._said: dict[str, str] = {}
         self._number = 0
         self._target = 1000
+        self._answered = 0
+        """Requests of the controller that a drive has answered."""
 
     def changed(self, change: Callable[[], object], *events: str) -> None:
         """Change a table, and let the program find it of its own accord: a command would race with that.
@@ -308,6 +311,16 @@ class Desk:
         client.subscribe("#", qos=1)
         client.loop_start()
 
+    def settle(self) -> None:
+        """Wait until the supervisor has looked at the relay after the last request."""
+        self._wait(self._has_seen_all, "a metric that says how many requests were answered")
+
+    def _has_seen_all(self) -> bool:
+        found = re.search(
+            r"^pitch_gateway_line_exchanges_total\{.*\} (\d+)", self.text("/metrics"), re.MULTILINE
+        )
+        return found is not None and int(found[1]) >= self._answered
+
     def fetched(self, path: str) -> Iterator[str]:
         """Fetch a document of the page."""
         yield f"GET {path}"
@@ -358,7 +371,9 @@ class Desk:
         assert self._controller is not None
         head = b"\x00\x01\x00\x00" + (len(pdu) + 1).to_bytes(2, "big") + bytes((unit_id,))
         self._controller.sendall(head + pdu)
-        return self._controller.recv(260)[7:]
+        reply = self._controller.recv(260)[7:]
+        self._answered += 1
+        return reply
 
     def _serve(self) -> None:
         while True:
