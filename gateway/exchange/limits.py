@@ -11,9 +11,8 @@ from gateway.compensation.settings import Gain
 from gateway.exchange.commands import Message, SetLimits
 from gateway.exchange.plan import AxisPlan, CompensationMode
 
-_NAMES: Final = tuple(
-    [name for name in SetLimits.__struct_fields__ if name not in ("axis", *Message.__struct_fields__)]
-)
+_NOT_LIMITS: Final = ("axis",) + Message.__struct_fields__  # noqa: RUF005  mypyc does not compile a star here
+_NAMES: Final = tuple([name for name in SetLimits.__struct_fields__ if name not in _NOT_LIMITS])
 
 
 def values_of(limits: SetLimits) -> dict[str, float]:
