@@ -137,8 +137,9 @@ LINE: Final = (
     CounterEntry(
         "oversized",
         "too long replies",
-        "replies that are longer than a frame may be; their requests were answered as without one",
-        "look at the device: no drive answers so",
+        "replies over Modbus/TCP that are longer than a frame may be; their requests were answered as if "
+        "none had come",
+        "see what device answers at that address: no drive sends replies as long",
     ),
     CounterEntry(
         "wrong_units",
@@ -197,7 +198,7 @@ OTHERS: Final = (
         "failed_handshakes",
         "handshakes failed",
         "TLS handshakes with the listener of a controller that failed",
-        "look at the log: it says why, and of whom",
+        "look at the log: `handshake-failed` and `certificate-refused` say why, and of whom",
     ),
     CounterEntry(
         "opens",
@@ -241,7 +242,7 @@ OTHERS: Final = (
         "dropped_events",
         "dropped events",
         "events that were not published over MQTT, because the broker was away for too long",
-        "look at the broker, and at the log for what happened",
+        "see that the broker runs and can be reached; what happened meanwhile stands in the log",
     ),
 )
 """What is counted of unit ids, controllers, axes and the supervisor."""

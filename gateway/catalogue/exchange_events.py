@@ -282,7 +282,8 @@ TERM_HELD: Final = EventEntry(
     "nothing new is heard of what `thermal` or `cross` of an axis depends on: its last value is held",
     "thermal: no temperature for `timeout_s`; cross: the other axis lost its reference, or was stopped or "
     "jogged, has got no target since, and its actual position is not read",
-    "look at the sensor, the broker or the address it is read from; give the other axis a target, or home it",
+    "thermal: look at the sensor, the broker or the address it is read from; cross: give the other axis a "
+    "target; where it lost its reference, home it first",
 )
 TERM_FADES: Final = EventEntry(
     "term-fades",

@@ -105,5 +105,5 @@ FRAMES_NOT_KEPT: Final = EventEntry(
     Severity.WARNING,
     "the frames of a line are not kept for `capture` and the page; everything else is as ever",
     "the system has no memory or no descriptor left",
-    "lower `size_mb` in `[capture]`, or raise the limits of the service",
+    "lower `size_mb` in `[capture]`, or raise the limits of the service; then start the gateway again",
 )

@@ -184,7 +184,8 @@ REFUSALS: Final = (
         0x06,
         "it waited … ms, deadline_ms = …: refused",
         "a target or trigger came too late to the front of the queue",
-        'compare with `pitch-gateway budget CONFIG`; `late = "forward"` sends it all the same',
+        "compare with `pitch-gateway budget CONFIG`; let monitors ask less often; "
+        '`late = "forward"` sends it all the same',
     ),
     RefusalEntry(
         0x06,

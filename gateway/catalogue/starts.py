@@ -100,7 +100,11 @@ STARTS: Final = (
         "restart the unit once more; systemd then gives up what it kept",
     ),
     StartEntry("host name … is not known", "`tcp` of a controller", "write an address of this machine"),
-    StartEntry("cannot listen on …", "the system refuses it for another reason", "do what the sentence says"),
+    StartEntry(
+        "cannot listen on …",
+        "the system refuses it for another reason, which stands behind the address",
+        "listen on another address that `ip address` lists, of IPv6 on none that begins with `fe80`",
+    ),
     StartEntry(
         "no permission for …",
         "the gateway's user may not open the serial port",

@@ -122,17 +122,17 @@ CROSS: Final = (
     StateEntry(
         "held",
         "nobody knows where one of the other axes is: what they add is held for `fresh_s`",
-        "give the other axis a target, or home it",
+        "give the other axis a target; where it lost its reference, home it first",
     ),
     StateEntry(
         "fading",
         "still nobody knows where one of the other axes is: what they add goes back to 0 with next targets",
-        "give the other axis a target, or home it",
+        "give the other axis a target; where it lost its reference, home it first",
     ),
     StateEntry(
         "faded",
         "still nobody knows where one of the other axes is: nothing is added for them",
-        "give the other axis a target, or home it",
+        "give the other axis a target; where it lost its reference, home it first",
     ),
 )
 """``axes.NAME.terms.cross.state``."""

@@ -291,7 +291,7 @@ OTHER_AXIS_UNKNOWN: Final = TroubleEntry(
     Severity.WARNING,
     "nobody knows where an axis is that `cross` of another one needs: what it adds goes back to 0",
     "it lost its reference; or it was stopped or jogged, got no target since, and its position is not read",
-    "give the other axis a target, or home it",
+    "give the other axis a target; where it lost its reference, home it first",
 )
 TERM_TOO_LARGE: Final = TroubleEntry(
     "term-too-large",

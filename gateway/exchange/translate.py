@@ -533,6 +533,8 @@ def _foreseen(request: Request, meaning: Meaning, hit: FieldHit, words: bytes) -
     now = Seen(request.now_ns, None)
     spec = axis.spec_of_words(number, words)
     is_kept = spec is None or axis.may_keep_words(spec)
+    # Its trigger would write it anew; one that may not runs what is written now, so that is made anew here.
+    is_kept &= axis.plan.added_frames
     if is_kept and image.nominal_words == words and image.corrected_words is not None and not image.is_torn:
         return image.corrected_words
     if axis.keeping(number, words) is Keeping.UNSEEN:

@@ -166,6 +166,18 @@ def test_w8_without_added_frames_a_trigger_that_needs_one_is_refused() -> None:
     assert bench.refused(RUN_PDU) == 4
 
 
+def test_w8_without_added_frames_the_same_target_again_is_made_for_where_the_axis_stands_now() -> None:
+    """It was jogged past its target, so that it has to come from the other side."""
+    bench = StagedBench(staged_plan(added_frames=False))
+    bench.go_to(50_000)
+    bench.stage(60_000)
+    bench.drive.put(ACTUAL, 90_000)
+    bench.actual()
+    assert bench.refused(RUN_PDU) == 4
+    bench.go_to(60_000)
+    assert bench.drive.moves == [("absolute", 50_000), ("absolute", 59_990)]
+
+
 def test_m2_one_frame_with_target_and_trigger_moves_at_once() -> None:
     bench = StagedBench(staged_plan(command=(WIDE,)))
     frame = bytes.fromhex("10 050C 0003 06 C350 0000 0001")
