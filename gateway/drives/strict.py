@@ -1,6 +1,7 @@
 """The base of everything that is read from a file: nothing extra, nothing converted."""
 
 from enum import Enum
+from inspect import signature
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
@@ -39,11 +40,12 @@ def planned(plan: type[Any], *models: StrictModel) -> dict[str, Any]:
 
     ``plan`` is a dataclass or a struct of msgspec.
     """
+    taken = signature(plan).parameters  # not ``__match_args__``: that lacks what is given by its name only
     return {
         key: getattr(model, key)
         for model in models
         for key, field in type(model).model_fields.items()
-        if key in plan.__match_args__ and Mark.PLANNED in field.metadata
+        if key in taken and Mark.PLANNED in field.metadata
     }
 
 

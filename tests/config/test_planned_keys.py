@@ -1,7 +1,9 @@
 """Keys that the plan takes as they are: marked in their model, and there under the same name and type."""
 
+from dataclasses import dataclass, field
 from typing import Any, get_type_hints
 
+import msgspec
 import pytest
 
 from gateway.compensation.settings import AxisSettings, ThermalSettings
@@ -10,7 +12,7 @@ from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSec
 from gateway.config.relay_model import RelaySection
 from gateway.config.terms_model import ThermalSpec
 from gateway.drives.registers import RegisterMap
-from gateway.drives.strict import Mark, StrictModel
+from gateway.drives.strict import Mark, Planned, StrictModel, planned
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
 from gateway.state.plan import LinePlan, RelayOptions
 from gateway.transport.endpoints import SerialEndpoint
@@ -40,9 +42,9 @@ def wanted(plans: tuple[type[Any], ...]) -> dict[str, list[Any]]:
 @pytest.mark.parametrize("model", PLANS)
 def test_a_key_that_is_planned_is_in_one_plan_with_the_same_type(model: type[StrictModel]) -> None:
     types, fields = get_type_hints(model), wanted(PLANS[model])
-    planned = [key for key, field in model.model_fields.items() if Mark.PLANNED in field.metadata]
-    assert planned
-    assert {key: fields.get(key) for key in planned} == {key: [types[key]] for key in planned}
+    marked = [key for key, field in model.model_fields.items() if Mark.PLANNED in field.metadata]
+    assert marked
+    assert {key: fields.get(key) for key in marked} == {key: [types[key]] for key in marked}
 
 
 @pytest.mark.parametrize("model", PLANS)
@@ -54,3 +56,21 @@ def test_no_key_is_forgotten_that_a_plan_has_with_the_same_type(model: type[Stri
         if types[key] in fields.get(key, ()) and Mark.PLANNED not in field.metadata
     }
     assert forgotten <= WORKED_OUT
+
+
+class Section(StrictModel):
+    size: Planned[int] = 1
+
+
+@dataclass
+class Plan:
+    size: int = field(default=0, kw_only=True)
+
+
+class PlanOfStruct(msgspec.Struct, kw_only=True):
+    size: int = 0
+
+
+@pytest.mark.parametrize("plan", [Plan, PlanOfStruct])
+def test_a_field_that_a_plan_takes_by_its_name_only_is_not_left_at_its_default(plan: type[Any]) -> None:
+    assert planned(plan, Section(size=7)) == {"size": 7}

@@ -84,8 +84,9 @@ class Connection:
         self._accepted: asyncio.Future[None] = self._loop.create_future()
         self.lost: asyncio.Future[BrokerError] = self._loop.create_future()
         """Why the connection is over, as soon as it is."""
-        self._answers: dict[int, asyncio.Future[Any]] = {}
-        """What the broker has still to take or to acknowledge, by packet identifier."""
+        self._answers: dict[int | None, asyncio.Future[Any]] = {}
+        """What the broker has still to take or to acknowledge, by packet identifier; None: the connection was
+        over before paho gave one."""
         self._ticking: asyncio.TimerHandle | None = None
         is_v5 = settings.version is MqttVersion.V5
         self._client = Client(
@@ -116,9 +117,9 @@ class Connection:
         await self._within(self._accepted)
 
     async def subscribe(self, topics: Sequence[tuple[str, int]]) -> list[str]:
-        """Ask for topics, each with a QoS; returns those that the broker does not grant."""
+        """Ask for topics, each with a QoS; returns those that are not granted. Raises BrokerError."""
         _, mid = self._client.subscribe(list(topics))
-        codes: list[ReasonCode] = [] if mid is None else await self._answer(mid)
+        codes: list[ReasonCode] = await self._answer(mid)
         return [topic for (topic, _), code in zip(topics, codes, strict=True) if code.is_failure]
 
     async def publish(
@@ -223,7 +224,7 @@ class Connection:
         if (waiting := self._answers.pop(mid, None)) is not None:
             waiting.set_result(answer)
 
-    async def _answer(self, mid: int) -> Any:
+    async def _answer(self, mid: int | None) -> Any:
         self._answers[mid] = self._loop.create_future()
         try:
             return await self._within(self._answers[mid])

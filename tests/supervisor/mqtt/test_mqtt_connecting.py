@@ -110,6 +110,33 @@ async def test_a_port_that_hangs_up_before_it_accepts_is_told_of_at_once(tmp_pat
     assert said.endswith("does not answer: is it a broker's port, and is it one without TLS?")
 
 
+@pytest.mark.parametrize(
+    ("version", "sent", "said"),
+    [
+        ("3.1.1", "20020000", "was lost: is the broker still running? Where it is, another client may have"),
+        ("5", "2003000000", "was lost: is the broker still running? Where it is, another client may have"),
+        (
+            "5",
+            "2003000000 e0028e00",
+            "another client has connected as pitch-gateway-mill-1: give each gateway",
+        ),
+    ],
+)
+@pytest.mark.parametrize("commands", [False, True])
+async def test_a_broker_that_accepts_and_hangs_up_at_once_is_no_mistake_of_ours(
+    tmp_path: Path, version: str, sent: str, said: str, *, commands: bool
+) -> None:
+    async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.read(1)
+        writer.write(bytes.fromhex(sent))
+        writer.close()
+
+    async with await asyncio.start_server(accept, "127.0.0.1", 0) as server:
+        given = settings(server.sockets[0].getsockname()[1], tmp_path, version=version, commands=commands)
+        async with publishing(given, tmp_path) as site:
+            assert said in (await site.until_said("mqtt-lost"))["detail"]
+
+
 async def test_the_same_reason_is_told_once_and_a_new_one_again(tmp_path: Path) -> None:
     broker = Broker(tmp_path, WITH_PASSWORD.replace("FOLDER", str(tmp_path)))
     password_file(tmp_path, mill=SECRET)
