@@ -8,14 +8,17 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from gateway.exchange.answers import REACH_AFTER, Reach, Sign
-from gateway.exchange.axis.events import BlockEvent, Happening, Outcome, ReferenceEvent
-from gateway.exchange.axis.state import ON_WAY, TARGETED, WAS_THERE, Block, Referenced, Whereabouts
-from gateway.exchange.axis.transitions import (
-    BLOCK_AFTER,
-    REFERENCE_AFTER,
-    REFERENCE_AT_START,
+from gateway.exchange.axis.acknowledge import Outcome
+from gateway.exchange.axis.interlock import BLOCK_AFTER, Block, BlockEvent
+from gateway.exchange.axis.motion import (
+    ON_WAY,
+    TARGETED,
+    WAS_THERE,
     WHEREABOUTS_AFTER,
+    Happening,
+    Whereabouts,
 )
+from gateway.exchange.axis.reference import REFERENCE_AFTER, REFERENCE_AT_START, Referenced, ReferenceEvent
 from gateway.exchange.plan import Reference
 from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, STOP_AFTER, Phase, Stopping, Transaction
 from tools.diagram import ANY, Arrows, Box, Layout, LayoutError, Route, drawn

@@ -15,7 +15,10 @@ from typing import Final
 
 from gateway.drives.motion import Form
 from gateway.exchange.access import MEI_HEAD, swapped
-from gateway.exchange.axis.state import HOMING, Actual, Rendering, Told
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.motion import Actual
+from gateway.exchange.axis.reference import HOMING
+from gateway.exchange.axis.sight import Told
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import DONE_BIT, MOVING_BIT

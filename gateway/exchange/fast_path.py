@@ -12,8 +12,9 @@ from typing import Final, NamedTuple
 
 from gateway.exchange.access import ACCESS, Access
 from gateway.exchange.aliases import ANY_TCP_DRIVE
-from gateway.exchange.axis.events import Part, SteadyTarget
-from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, Rendering, Whereabouts
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.axis_request import Part, SteadyTarget
+from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import nearest
 from gateway.exchange.meaning import Frame

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_word
-from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.axis.motion import Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of

@@ -31,10 +31,11 @@ from gateway.exchange.added_frames import (
 from gateway.exchange.admission import NO_ROOM, Admission, judge, role_denial
 from gateway.exchange.answers import Answers, Reach, Silence
 from gateway.exchange.arbitration import Gaps
-from gateway.exchange.axis.events import Outcome, SteadyTarget
+from gateway.exchange.axis.acknowledge import Outcome
+from gateway.exchange.axis.axis_request import SteadyTarget
 from gateway.exchange.axis.groups import join
+from gateway.exchange.axis.motion import ON_WAY
 from gateway.exchange.axis.registers import Loss
-from gateway.exchange.axis.state import ON_WAY
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.commands import Command, EndDryRun, SetLimits
 from gateway.exchange.control import ControlError, carry_out

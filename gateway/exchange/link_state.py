@@ -7,7 +7,9 @@ told, then one a minute with how many there were. What lasts is told in any case
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.exchange.axis.state import HOMING, OnWire, Said, Whereabouts
+from gateway.exchange.axis.acknowledge import OnWire
+from gateway.exchange.axis.motion import Said, Whereabouts
+from gateway.exchange.axis.reference import HOMING
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.link_loss import BLINK_NS, CLOSES_SOON_NS, HEARD_NS, LinkLoss
 from gateway.exchange.plan import DONE_BIT

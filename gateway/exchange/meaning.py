@@ -14,7 +14,7 @@ from typing import Final
 
 from gateway.drives.motion import NOTHING_DONE, Action, Deed, ModePlan
 from gateway.exchange.access import Access
-from gateway.exchange.axis.events import Command
+from gateway.exchange.axis.axis_request import Command
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.unit import AxisHits, FieldHit, RuleHit, UnitMap
 

@@ -12,7 +12,8 @@ from gateway.exchange.added_frames import (
     restaging,
     standing_bit,
 )
-from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, TARGETED, KeptOver, Rendering
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, TARGETED, KeptOver
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of

@@ -17,7 +17,8 @@ from gateway.compensation.moves import Accepted, Move, Place, PlaceKind
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.drives.motion import Action
-from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, Keeping, Rendering, Whereabouts
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, Keeping, Whereabouts
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.refusal import RefusedRequestError

@@ -17,9 +17,10 @@ from gateway.compensation.correction_spec import CorrectionSpec
 from gateway.compensation.readback import Readback
 from gateway.drives.motion import Action, Addressing
 from gateway.exchange.access import Access
-from gateway.exchange.axis.events import AxisRequest, Part
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.axis_request import AxisRequest, Part
+from gateway.exchange.axis.motion import Actual
 from gateway.exchange.axis.registers import ALL_WORDS, FieldImage, mask_of
-from gateway.exchange.axis.state import Actual, Rendering
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.meaning import Frame, Meaning, meanings
 from gateway.exchange.unit import NO_HITS, FieldHit, FieldPlace, FieldRole, Hits

@@ -9,7 +9,7 @@ from typing import Any, Final
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.exchange.axis.beam import BeamState
-from gateway.exchange.axis.state import Actual
+from gateway.exchange.axis.motion import Actual
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.cut_status import cut_status
 from gateway.exchange.line import LineExchange

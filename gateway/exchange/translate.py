@@ -11,9 +11,10 @@ from typing import Final
 
 from gateway.drives.motion import Action, Form
 from gateway.exchange.access import MEI_HEAD, Access, swapped
-from gateway.exchange.axis.events import Outcome, Staging
+from gateway.exchange.axis.acknowledge import Outcome, Rendering
+from gateway.exchange.axis.axis_request import Staging
+from gateway.exchange.axis.motion import Keeping
 from gateway.exchange.axis.registers import Completeness, NextPart
-from gateway.exchange.axis.state import Keeping, Rendering
 from gateway.exchange.axis.transitions import MOVES_OTHERWISE, Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.meaning import Meaning

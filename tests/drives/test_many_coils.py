@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.exchange.axis.state import Referenced
+from gateway.exchange.axis.reference import Referenced
 from gateway.exchange.plan import ControllerPlan, Reference, Role
 from tests.drives.test_public_traffic import Machine
 from tests.exchange.line_bench import Port

@@ -9,32 +9,20 @@ import pytest
 from gateway.compensation.moves import Accepted
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, read_word
-from gateway.exchange.axis.events import (
-    AxisRequest,
-    BlockEvent,
-    Command,
-    Happening,
-    Outcome,
-    ReferenceEvent,
-)
-from gateway.exchange.axis.state import (
-    AT_REST,
+from gateway.exchange.axis.acknowledge import Outcome, Rendering
+from gateway.exchange.axis.axis_request import AxisRequest, Command
+from gateway.exchange.axis.interlock import BLOCK_AFTER, Block, BlockEvent
+from gateway.exchange.axis.motion import AT_REST, TARGETED, WHEREABOUTS_AFTER, Happening, Whereabouts
+from gateway.exchange.axis.reference import (
     FOUND,
     HOMING,
     IN_DOUBT,
-    TARGETED,
-    Block,
-    Referenced,
-    Rendering,
-    Whereabouts,
-)
-from gateway.exchange.axis.transitions import (
-    BLOCK_AFTER,
     REFERENCE_AFTER,
     REFERENCE_AT_START,
-    WHEREABOUTS_AFTER,
-    Axis,
+    Referenced,
+    ReferenceEvent,
 )
+from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.plan import ControllerPlan, Reference
 from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase, Stopping, Transaction
 from gateway.modbus.registers import BitField

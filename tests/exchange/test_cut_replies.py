@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from gateway.exchange.axis.state import Rendering
+from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.cut_replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.cut_through import Cut, CutThrough, Turn
 from gateway.exchange.leads import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, reply_shape

@@ -5,7 +5,7 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action
-from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.axis.motion import Whereabouts
 from gateway.exchange.plan import Late, LineTiming, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Memory, axis_plan, monitor, read, write

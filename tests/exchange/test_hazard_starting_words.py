@@ -3,7 +3,7 @@
 import pytest
 
 from gateway.drives.motion import Action, Form, ModePlan, MotionPlan
-from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.axis.motion import Whereabouts
 from gateway.exchange.plan import LineTiming, Reference
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import MS, Bench, axis_plan, read, write

@@ -7,7 +7,7 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.axis.state import KEEPING, RETAINING
+from gateway.exchange.axis.motion import KEEPING, RETAINING
 from gateway.exchange.commands import SetReference
 from gateway.exchange.plan import LineTiming, Reference
 from gateway.modbus.registers import BitField

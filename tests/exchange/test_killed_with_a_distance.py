@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gateway.exchange.axis.state import PROOF_AFTER, End, Proof
+from gateway.exchange.axis.acknowledge import PROOF_AFTER, End, Proof
 from gateway.exchange.plan import AxisPlan
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench, Records

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.axis.motion import Whereabouts
 from gateway.exchange.events import EventKind
 from gateway.exchange.link_loss import (
     LINK_LOSS,

@@ -7,7 +7,7 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action
-from gateway.exchange.axis.state import SIGHT_AFTER, Sight, Told
+from gateway.exchange.axis.sight import SIGHT_AFTER, Sight, Told
 from gateway.exchange.plan import ControllerPlan
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import (

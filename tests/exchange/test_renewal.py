@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.axis.motion import Whereabouts
 from gateway.exchange.commands import SetReference
 from gateway.exchange.events import EventKind
 from gateway.exchange.plan import Reference

@@ -8,9 +8,7 @@ from typing import Final
 
 import pytest
 
-from gateway.exchange.axis.events import Happening
-from gateway.exchange.axis.state import Whereabouts
-from gateway.exchange.axis.transitions import WHEREABOUTS_AFTER
+from gateway.exchange.axis.motion import WHEREABOUTS_AFTER, Happening, Whereabouts
 from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase
 from tools import docs, state_machine
 from tools.diagram import ANY, Box, Layout, LayoutError, Route, drawn

@@ -18,10 +18,11 @@ from types import MemberDescriptorType, MethodType, ModuleType
 from typing import Any, Final, NamedTuple
 
 from gateway.compensation.axis import AxisCompensation
-from gateway.exchange.axis import transitions
-from gateway.exchange.axis.events import SteadyTarget
+from gateway.exchange.axis import interlock, reference, transitions
+from gateway.exchange.axis.axis_request import SteadyTarget
+from gateway.exchange.axis.interlock import Block
+from gateway.exchange.axis.reference import HOMING
 from gateway.exchange.axis.registers import Completeness
-from gateway.exchange.axis.state import HOMING, Block
 from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.cut_line import ReplyCutter, RequestCutter
 from gateway.exchange.cut_through import Cut
@@ -791,12 +792,12 @@ class WatchedTable(dict[Any, Any]):
 
 def watch_table() -> WatchedTable:
     """Return the table of whereabouts; it and those of reference and block keep what is looked up."""
-    table = transitions.WHEREABOUTS_AFTER
+    table = vars(transitions)["WHEREABOUTS_AFTER"]
     if not isinstance(table, WatchedTable):
         table = WatchedTable(table)
-        transitions.WHEREABOUTS_AFTER = table  # type: ignore[misc]
-        transitions.BLOCK_AFTER = WatchedTable(transitions.BLOCK_AFTER, table.taken)  # type: ignore[misc]
-        for way, events in transitions.REFERENCE_AFTER.items():
+        vars(transitions)["WHEREABOUTS_AFTER"] = table
+        vars(transitions)["BLOCK_AFTER"] = WatchedTable(interlock.BLOCK_AFTER, table.taken)
+        for way, events in reference.REFERENCE_AFTER.items():
             for event, rows in events.items():
                 events[event] = WatchedTable(rows, table.taken, way, event)
     return table
@@ -805,8 +806,8 @@ def watch_table() -> WatchedTable:
 def all_rows() -> set[str]:
     """Return the names of all rows of the three tables."""
     watch_table()
-    tables = [transitions.WHEREABOUTS_AFTER, transitions.BLOCK_AFTER]
-    tables += [rows for events in transitions.REFERENCE_AFTER.values() for rows in events.values()]
+    tables = [vars(transitions)[name] for name in ("WHEREABOUTS_AFTER", "BLOCK_AFTER")]
+    tables += [rows for events in reference.REFERENCE_AFTER.values() for rows in events.values()]
     return {name for table in tables if isinstance(table, WatchedTable) for name in table._names.values()}
 
 

@@ -20,6 +20,8 @@ from gateway.compensation.moves import State, SteadyMove
 from gateway.compensation.settings import Gain
 from gateway.compensation.table import CorrectionTable
 from gateway.counts import Counts
+from gateway.exchange.axis.acknowledge import OnWire, Proof
+from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, ON_BRANCH, WAS_THERE, Actual, Whereabouts
 from gateway.exchange.axis.record_layout import (
     RecordSlots,
     Remembered,
@@ -27,18 +29,9 @@ from gateway.exchange.axis.record_layout import (
     RememberedState,
     Specs,
 )
+from gateway.exchange.axis.reference import Referenced
 from gateway.exchange.axis.registers import FieldImage
-from gateway.exchange.axis.state import (
-    MAY_BE_ELSEWHERE,
-    ON_BRANCH,
-    WAS_THERE,
-    Actual,
-    AxisState,
-    OnWire,
-    Proof,
-    Referenced,
-    Whereabouts,
-)
+from gateway.exchange.axis.state import AxisState
 from gateway.exchange.plan import AxisPlan
 from gateway.times import NS_PER_MS, NS_PER_S
 

@@ -27,34 +27,56 @@ exactly while the place is one of :data:`TARGETED`.
 run, and parts of them may have been lost. What was lost *blocks* the triggers (:class:`Block`).
 
 All of that changes in ``transitions`` and nowhere else: each thing that can happen to an axis is one method
-of ``Axis`` there, and what becomes of its whereabouts, its reference and its block is a table there. This
-class only answers questions. Who moves the axis (``hold``) is kept beside it, by ``ownership``.
+of ``Axis`` there. What becomes of its whereabouts, its reference and its block is a table in the file of each
+(``motion``, ``reference``, ``interlock``). This class only answers questions. Who moves the axis (``hold``) is
+kept beside it, by ``ownership``.
 """
 
-from dataclasses import dataclass
 from enum import Enum
 from math import isfinite
-from typing import Final, NamedTuple
+from typing import Final
 
 from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
-from gateway.compensation.moves import Accepted, Move
 from gateway.compensation.readback import Readback
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.drives.motion import Action, Form
+from gateway.exchange.axis.acknowledge import AT_ONE_END, OnWire, Proof, Rendering
+from gateway.exchange.axis.beam import Fixed
 from gateway.exchange.axis.hold import Hold
 from gateway.exchange.axis.hunting import Hunting
+from gateway.exchange.axis.interlock import Block
+from gateway.exchange.axis.motion import (
+    KEEPING,
+    ON_BRANCH,
+    WAS_THERE,
+    Actual,
+    Keeping,
+    KeptOver,
+    Retained,
+    Said,
+    Whereabouts,
+)
+from gateway.exchange.axis.reference import (
+    FOUND,
+    HOMING,
+    IN_DOUBT,
+    REFERENCE_FRESH_NS,
+    UNTOLD,
+    Referenced,
+)
 from gateway.exchange.axis.registers import FieldImage, RuleImage
+from gateway.exchange.axis.sight import Sight
 from gateway.exchange.events import Event
 from gateway.exchange.field_counts import counts_of, raw_of, steps_of
 from gateway.exchange.plan import DONE_BIT, HOMED_BIT, AxisPlan, CompensationMode, Reference
 from gateway.modbus.pdu import ExceptionCode
 from gateway.modbus.registers import PositionField
-from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.times import NS_PER_MS
 
-REFERENCE_FRESH_NS: Final = NS_PER_S
-"""A homed bit that was seen longer ago is read again before a target."""
+_FOUND: Final = Referenced.FOUND  # a member is looked up slowly, and these are asked for with each frame
+_FOUND_IN_DOUBT: Final = Referenced.FOUND_IN_DOUBT
 _SAYS_NOTHING_WRITTEN: Final = frozenset(
     {
         ExceptionCode.ILLEGAL_DATA_ADDRESS,
@@ -62,159 +84,6 @@ _SAYS_NOTHING_WRITTEN: Final = frozenset(
         ExceptionCode.SERVER_DEVICE_FAILURE,
     }
 )
-HOMING_SETTLE_NS: Final = 100 * NS_PER_MS
-"""A bit that is still set so soon after a homing command may be that of the homing before."""
-
-
-class Whereabouts(Enum):
-    """Where the axis is, as far as anybody can tell."""
-
-    __hash__ = object.__hash__  # looked up with each sample; that of Enum is slow
-
-    UNKNOWN = "unknown"
-    """Something else than a target decides where it is: homing, a jog, a stored position, an alarm."""
-    STOPPED = "stopped"
-    """A stop came after the last target: it stands somewhere, on the branch of that target."""
-    RETAINED = "retained"
-    """The reference has changed since: the last target means nothing, but its words are kept. Where the axis
-    is seen to stand there a repeat of that target is the same words, and moves nothing (:class:`Keeping`)."""
-    OUT_OF_REACH = "out-of-reach"
-    """Its drive could not be reached, or was silent for long: the same."""
-    UNPROVEN = "unproven"
-    """A target was sent and not acknowledged: the drive may hold it or not."""
-    UNPROVEN_AT_REST = "unproven-at-rest"
-    """The same, and the drive has said done since."""
-    UNDER_WAY = "under-way"
-    """The last target was acknowledged, and nothing has shown the axis there, nor where it set out."""
-    SET_OUT = "set-out"
-    """The same, but it was known where it stood, and on which branch, when it set out."""
-    DONE_SAID = "done-said"
-    """Its drive says done; where it stands has not been seen yet."""
-    SEEN_THERE = "seen-there"
-    """Its actual position was seen in the window; its drive has not said done."""
-    ARRIVED = "arrived"
-    """Both, or the drive's word alone where no actual position is mapped."""
-    MAY_HAVE_LEFT = "may-have-left"
-    """Done fell after that: a motion that is not of our making, or the bit has flickered."""
-    STANDS_AGAIN = "stands-again"
-    """Done rose after that, or it was seen beside its target: it stands, there or elsewhere."""
-
-
-TARGETED: Final = frozenset(
-    {
-        Whereabouts.UNDER_WAY,
-        Whereabouts.SET_OUT,
-        Whereabouts.DONE_SAID,
-        Whereabouts.SEEN_THERE,
-        Whereabouts.ARRIVED,
-        Whereabouts.MAY_HAVE_LEFT,
-        Whereabouts.STANDS_AGAIN,
-    }
-)
-"""Places of which the last accepted target says where the axis is or goes."""
-ON_WAY: Final = frozenset({Whereabouts.UNDER_WAY, Whereabouts.SET_OUT})
-"""Places from which nothing has shown the axis at its target yet."""
-WAS_THERE: Final = TARGETED - ON_WAY
-"""Places from which an axis that is seen away has been moved by something else."""
-MAY_BE_ELSEWHERE: Final = frozenset({Whereabouts.MAY_HAVE_LEFT, Whereabouts.STANDS_AGAIN})
-"""Places from which an axis is looked at before a repeat of its target (M4)."""
-AT_REST: Final = WAS_THERE | {Whereabouts.UNPROVEN_AT_REST}
-"""Places of which anything says that the axis stands."""
-ON_BRANCH: Final = TARGETED | {Whereabouts.STOPPED}
-"""Places at which the branch of the last target is that on which the axis stands or moves."""
-
-
-RETAINING: Final = frozenset({Whereabouts.RETAINED, Whereabouts.OUT_OF_REACH})
-"""Places that keep the last target, which means nothing in them."""
-
-
-class Keeping(Enum):
-    """What a target is that equals the one of before a loss of reach or reference."""
-
-    NEW = "new"
-    """A new target: no such one is kept, or the axis was seen elsewhere since."""
-    SAME_WORDS = "same-words"
-    """The same words as before: the axis was seen to stand there since, or nobody may look and its drive goes
-    with each write (a cyclic writer must not jerk it)."""
-    UNSEEN = "unseen"
-    """Nobody may look, and its drive waits for a trigger: refused until a reading or a different target."""
-
-
-KEEPING: Final[dict[tuple[bool, bool, bool], Keeping]] = {
-    # was seen there since, its drive waits for a trigger, had been seen there before the loss
-    (True, True, True): Keeping.SAME_WORDS,
-    (True, True, False): Keeping.SAME_WORDS,
-    (True, False, True): Keeping.SAME_WORDS,
-    (True, False, False): Keeping.SAME_WORDS,
-    (False, False, True): Keeping.SAME_WORDS,
-    (False, False, False): Keeping.SAME_WORDS,
-    (False, True, True): Keeping.UNSEEN,
-    (False, True, False): Keeping.NEW,
-}
-"""What a kept target is; one that was seen elsewhere is not kept any more."""
-
-
-class KeptOver(Enum):
-    """What a last target is kept over."""
-
-    LOSS = "loss"
-    """The drive may have been switched off, or counts from another zero."""
-    ORDERLY_CLOSE = "orderly-close"
-    """The link was closed in order, and nothing else was lost: its drive may hold these words still."""
-    DECLARATION = "declaration"
-    """Nothing was lost: a person has declared the reference, and the drive holds these words as before."""
-
-
-class Said(Enum):
-    """What the drive has said since the last motion began: the end of an old one and of this look alike."""
-
-    NOTHING = "nothing"
-    """Nothing that could not be of the time before."""
-    MOVES = "moves"
-    STOOD = "stood"
-    """It moved, and then stood."""
-
-
-class Referenced(Enum):
-    """Whether the axis knows where it is (M9). How that can be known, ``plan.Reference`` says.
-
-    *In doubt*: where a status bit decides, it has to be read before positions pass.
-    """
-
-    __hash__ = object.__hash__
-
-    UNTOLD = "untold"
-    """The bit that decides was never seen."""
-    UNTOLD_HOMING = "untold-homing"
-    """The same, and a homing command was seen since the start."""
-    LOST = "lost"
-    """Nobody has said yet where the axis stands, or it may have lost that."""
-    LOST_IN_DOUBT = "lost-in-doubt"
-    """The same, and the bit has to be read before positions pass."""
-    HOMING = "homing"
-    """A homing command was seen, and not yet its end."""
-    HOMING_IN_DOUBT = "homing-in-doubt"
-    """The same, and the bit has to be read before positions pass."""
-    FOUND = "found"
-    """The axis knows where it is: its positions are corrected."""
-    FOUND_IN_DOUBT = "found-in-doubt"
-    """It was found, and the drive may have been switched off since."""
-
-
-_FOUND: Final = Referenced.FOUND  # a member is looked up slowly, and these are asked for with each frame
-_FOUND_IN_DOUBT: Final = Referenced.FOUND_IN_DOUBT
-FOUND: Final = frozenset({Referenced.FOUND, Referenced.FOUND_IN_DOUBT})
-HOMING: Final = frozenset({Referenced.UNTOLD_HOMING, Referenced.HOMING, Referenced.HOMING_IN_DOUBT})
-IN_DOUBT: Final = frozenset(
-    {
-        Referenced.UNTOLD,
-        Referenced.UNTOLD_HOMING,
-        Referenced.LOST_IN_DOUBT,
-        Referenced.HOMING_IN_DOUBT,
-        Referenced.FOUND_IN_DOUBT,
-    }
-)
-UNTOLD: Final = frozenset({Referenced.UNTOLD, Referenced.UNTOLD_HOMING})
 
 
 class Switched(Enum):
@@ -224,201 +93,6 @@ class Switched(Enum):
     OFF = "off"
     ENDED = "ended"
     """A remapping register of its unit was written (M10): off until a restart."""
-
-
-class Block(Enum):
-    """Whether triggers are refused because a target was lost (M3)."""
-
-    NONE = "none"
-    """Triggers pass."""
-    OWN = "own"
-    """The target was lost for its own sake."""
-    OF_GROUP = "of-group"
-    """It was lost because another axis of the group was blocked (M11)."""
-
-
-class OnWire(Enum):
-    """What is on its way to the drive, where a record is kept: nobody may live to see the reply."""
-
-    NOTHING = "nothing"
-    """Nothing that moves it."""
-    TARGET = "target"
-    """A target that it has or has not got."""
-    MOTION = "motion"
-    """Something that moves it in a way which nobody can say."""
-
-
-class Sight(Enum):
-    """Whether the drive tells where its axis stands when the gateway asks for it (W8)."""
-
-    __hash__ = object.__hash__
-
-    OPEN = "open"
-    """Nothing says that it does not."""
-    REFUSED_ONCE = "refused-once"
-    """It has answered one such read with an exception since the link came up."""
-    REFUSED = "refused"
-    """It has done so twice in a row: it is not asked before it tells a controller, or the link comes up."""
-
-
-class Told(Enum):
-    """What the drive answers when it is asked where its axis stands."""
-
-    __hash__ = object.__hash__
-
-    PLACE = "place"
-    PASSING = "passing"
-    """A place, to a controller that asked for it."""
-    REFUSAL = "refusal"
-    """An exception that does not say "later"."""
-    LINK_LOST = "link-lost"
-    """Nothing; behind the next link another drive may stand, or the same one with other settings."""
-
-
-SIGHT_AFTER: Final[dict[tuple[Sight, Told], Sight]] = {
-    (Sight.OPEN, Told.PLACE): Sight.OPEN,
-    (Sight.OPEN, Told.PASSING): Sight.OPEN,
-    (Sight.OPEN, Told.REFUSAL): Sight.REFUSED_ONCE,
-    (Sight.OPEN, Told.LINK_LOST): Sight.OPEN,
-    (Sight.REFUSED_ONCE, Told.PLACE): Sight.OPEN,
-    (Sight.REFUSED_ONCE, Told.PASSING): Sight.REFUSED_ONCE,
-    (Sight.REFUSED_ONCE, Told.REFUSAL): Sight.REFUSED,
-    (Sight.REFUSED_ONCE, Told.LINK_LOST): Sight.OPEN,
-    (Sight.REFUSED, Told.PLACE): Sight.REFUSED,
-    (Sight.REFUSED, Told.PASSING): Sight.REFUSED_ONCE,
-    (Sight.REFUSED, Told.REFUSAL): Sight.REFUSED,
-    (Sight.REFUSED, Told.LINK_LOST): Sight.OPEN,
-}
-"""Where each answer leads."""
-
-
-class Proof(Enum):
-    """What readings have told of a target without an acknowledgement that is proven at its ends (M5)."""
-
-    __hash__ = object.__hash__
-
-    ONE = "one"
-    """The next one at an end decides."""
-    TWO = "two"
-    """Two in a row at one end decide: it was on its way when the gateway ended, and its record names it."""
-    AT_START = "at-start"
-    """The first of the two was at its start."""
-    AT_END = "at-end"
-    """The first of the two was at its end."""
-    NONE = "none"
-    """None decides: the machine was switched off since, or its ends are too near each other."""
-    RAN = "ran"
-    RAN_NOT = "ran-not"
-
-
-class End(Enum):
-    """At which end of its way an axis is seen."""
-
-    __hash__ = object.__hash__
-
-    START = "start"
-    END = "end"
-    NEITHER = "neither"
-    """At neither, or where both windows overlap."""
-
-
-PROOF_AFTER: Final[dict[tuple[Proof, End], Proof]] = {
-    (Proof.ONE, End.START): Proof.RAN_NOT,
-    (Proof.ONE, End.END): Proof.RAN,
-    (Proof.ONE, End.NEITHER): Proof.ONE,
-    (Proof.TWO, End.START): Proof.AT_START,
-    (Proof.TWO, End.END): Proof.AT_END,
-    (Proof.TWO, End.NEITHER): Proof.TWO,
-    (Proof.AT_START, End.START): Proof.RAN_NOT,
-    (Proof.AT_START, End.END): Proof.AT_END,
-    (Proof.AT_START, End.NEITHER): Proof.TWO,
-    (Proof.AT_END, End.START): Proof.AT_START,
-    (Proof.AT_END, End.END): Proof.RAN,
-    (Proof.AT_END, End.NEITHER): Proof.TWO,
-    (Proof.NONE, End.START): Proof.NONE,
-    (Proof.NONE, End.END): Proof.NONE,
-    (Proof.NONE, End.NEITHER): Proof.NONE,
-}
-"""What each reading of an axis that may stand makes of it. What decides is there no more."""
-AT_ONE_END: Final = frozenset({Proof.AT_START, Proof.AT_END})
-
-
-@dataclass(slots=True)
-class Actual:
-    """The last actual position seen, as the drive reported it."""
-
-    counts: Counts
-    seen_ns: int
-
-
-class Rendering(NamedTuple):
-    """A target ready to be written: both forms of its words, and what accepting it means."""
-
-    number: int
-    """Of its command field."""
-    nominal_words: bytes
-    corrected_words: bytes
-    corrected_counts: Counts
-    move: Move | None
-    """None for a repeat: the drive is told exactly the same words again (M4)."""
-    is_distance: bool = False
-    """The words are a distance; ``corrected_counts`` is where it ends."""
-    start: Accepted | None = None
-    """Where a distance starts."""
-    stood_there: bool = False
-    """Of one that was not acknowledged: the drive held these words before, so to read them proves nothing."""
-    is_beside_another: bool = False
-    """Of such: the target right before it is so near that to see the axis there proves nothing."""
-    proof: Proof = Proof.ONE
-    """Of such, where its start is known: what readings at its ends have told by now."""
-
-
-class Retained(NamedTuple):
-    """The last target as its drive was told it, over a loss of reach or reference."""
-
-    number: int
-    nominal_words: bytes
-    corrected_words: bytes
-    corrected_counts: Counts
-    move: Move
-    """The correction it was told with."""
-    was_there: bool
-    """The axis had been seen at it, or its drive had said so, before the loss."""
-    newest_ns: int
-    """When the last actual position before the loss was asked for: only a later one proves anything."""
-    over: KeptOver = KeptOver.LOSS
-
-    @property
-    def is_declared(self) -> bool:
-        """Whether it needs no proof: nothing was lost."""
-        return self.over is KeptOver.DECLARATION
-
-
-class Fixed(NamedTuple):
-    """What the first trigger of its group has fixed of one axis (``axis.beam``)."""
-
-    is_referenced: bool
-    """Whether its positions meant something."""
-    place: Whereabouts
-    """Where it was."""
-    nominal_counts: float | None
-    """Where its controller took it to be; None: nobody knew."""
-    run: Rendering | None
-    """The target that it held, as it has to run it; None: it held none that was complete, or is the first."""
-    keeps_words: bool = False
-    """Whether it may keep words that were made with another switch, table or gain: all of its group do."""
-    has_gone: bool = False
-    may_have_gone: bool = False
-    """It was the first, and nobody knows whether its trigger was obeyed."""
-    missing: int = 0
-    """The words of its target that have not come since it went, a bit for each: a drive that goes as it is
-    written may be given them one by one."""
-    part_ns: int = 0
-    """When the newest of them came."""
-    was_lost: bool = False
-    """Its reference was lost since, be it found again by now."""
-    has_other_correction: bool = False
-    """Table, gain or switch were changed since."""
 
 
 class AxisState:

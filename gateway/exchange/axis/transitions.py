@@ -19,18 +19,35 @@ from gateway.compensation.moves import Accepted, Move, State
 from gateway.compensation.readback import Fade, Readback
 from gateway.compensation.settings import AxisSettings
 from gateway.drives.motion import Action
-from gateway.exchange.axis.beam import Beam, BeamEvent
-from gateway.exchange.axis.events import (
-    AxisRequest,
-    BlockEvent,
-    Command,
-    Happening,
+from gateway.exchange.axis.acknowledge import (
+    AT_ONE_END,
+    PROOF_AFTER,
+    End,
+    OnWire,
     Outcome,
-    Part,
-    ReferenceEvent,
-    SteadyTarget,
+    Proof,
+    Rendering,
 )
+from gateway.exchange.axis.axis_request import AxisRequest, Command, Part, SteadyTarget
+from gateway.exchange.axis.beam import Beam, BeamEvent, Fixed
 from gateway.exchange.axis.hunting import MOST
+from gateway.exchange.axis.interlock import BLOCK_AFTER, Block, BlockEvent
+from gateway.exchange.axis.motion import (
+    AT_REST,
+    ON_BRANCH,
+    ON_WAY,
+    RETAINING,
+    TARGETED,
+    UNPROVEN,
+    WAS_THERE,
+    WHEREABOUTS_AFTER,
+    Actual,
+    Happening,
+    KeptOver,
+    Retained,
+    Said,
+    Whereabouts,
+)
 from gateway.exchange.axis.record import (
     PROVEN,
     Fate,
@@ -44,36 +61,17 @@ from gateway.exchange.axis.record import (
     state_of,
 )
 from gateway.exchange.axis.record_layout import Remembered, RememberedMove
-from gateway.exchange.axis.registers import JOIN_NS, Loss
-from gateway.exchange.axis.state import (
-    AT_ONE_END,
-    AT_REST,
+from gateway.exchange.axis.reference import (
     HOMING,
     HOMING_SETTLE_NS,
-    ON_BRANCH,
-    ON_WAY,
-    PROOF_AFTER,
-    RETAINING,
-    SIGHT_AFTER,
-    TARGETED,
-    WAS_THERE,
-    Actual,
-    AxisState,
-    Block,
-    End,
-    Fixed,
-    KeptOver,
-    OnWire,
-    Proof,
+    REFERENCE_AFTER,
+    REFERENCE_AT_START,
     Referenced,
-    Rendering,
-    Retained,
-    Said,
-    Sight,
-    Switched,
-    Told,
-    Whereabouts,
+    ReferenceEvent,
 )
+from gateway.exchange.axis.registers import JOIN_NS, Loss
+from gateway.exchange.axis.sight import SIGHT_AFTER, Sight, Told
+from gateway.exchange.axis.state import AxisState, Switched
 from gateway.exchange.axis.terms import Terms
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.field_counts import counts_of, raw_of
@@ -114,126 +112,6 @@ _ARRIVED: Final = Whereabouts.ARRIVED
 _NOTHING: Final = OnWire.NOTHING
 _REFUSED: Final = Sight.REFUSED
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
-
-_UNPROVEN: Final = frozenset({Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST})
-
-WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
-    **{(place, Happening.ACKNOWLEDGED): Whereabouts.UNDER_WAY for place in Whereabouts},
-    **{(place, Happening.ACKNOWLEDGED_AT_REST): Whereabouts.SET_OUT for place in Whereabouts},
-    **{(place, Happening.UNACKNOWLEDGED): Whereabouts.UNPROVEN for place in Whereabouts},
-    **{(place, Happening.RAN_NOT): Whereabouts.UNDER_WAY for place in _UNPROVEN},
-    **{
-        (place, Happening.STOPPED): Whereabouts.STOPPED if place in ON_BRANCH else Whereabouts.UNKNOWN
-        for place in Whereabouts
-    },
-    **{(place, Happening.DISPLACED): Whereabouts.UNKNOWN for place in Whereabouts},
-    **{
-        (place, Happening.OUT_OF_REACH): Whereabouts.OUT_OF_REACH
-        if place in TARGETED
-        else Whereabouts.UNKNOWN
-        for place in set(Whereabouts) - RETAINING
-    },
-    **{(place, Happening.REFERENCE_CHANGED): Whereabouts.RETAINED for place in TARGETED | RETAINING},
-    **{(place, Happening.AWAY): Whereabouts.UNKNOWN for place in RETAINING},
-    (Whereabouts.UNPROVEN, Happening.DONE): Whereabouts.UNPROVEN_AT_REST,
-    (Whereabouts.UNPROVEN, Happening.DONE_ALONE): Whereabouts.UNPROVEN_AT_REST,
-    **{(place, Happening.DONE): Whereabouts.DONE_SAID for place in ON_WAY},
-    **{(place, Happening.DONE_ALONE): Whereabouts.ARRIVED for place in ON_WAY},
-    **{(place, Happening.THERE): Whereabouts.SEEN_THERE for place in ON_WAY},
-    (Whereabouts.DONE_SAID, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
-    (Whereabouts.DONE_SAID, Happening.THERE): Whereabouts.ARRIVED,
-    (Whereabouts.DONE_SAID, Happening.AWAY): Whereabouts.UNKNOWN,
-    (Whereabouts.SEEN_THERE, Happening.DONE): Whereabouts.ARRIVED,
-    (Whereabouts.SEEN_THERE, Happening.NEAR): Whereabouts.UNDER_WAY,
-    (Whereabouts.SEEN_THERE, Happening.AWAY): Whereabouts.UNKNOWN,
-    (Whereabouts.ARRIVED, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
-    (Whereabouts.ARRIVED, Happening.NEAR): Whereabouts.STANDS_AGAIN,
-    (Whereabouts.ARRIVED, Happening.AWAY): Whereabouts.UNKNOWN,
-    (Whereabouts.MAY_HAVE_LEFT, Happening.DONE): Whereabouts.STANDS_AGAIN,
-    (Whereabouts.MAY_HAVE_LEFT, Happening.AWAY): Whereabouts.UNKNOWN,
-    (Whereabouts.STANDS_AGAIN, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
-    (Whereabouts.STANDS_AGAIN, Happening.THERE): Whereabouts.ARRIVED,
-    (Whereabouts.STANDS_AGAIN, Happening.AWAY): Whereabouts.UNKNOWN,
-}
-"""What each happening makes of each place; what is not here changes nothing."""
-
-_TOLD_BY_BIT: Final = [each for each in Referenced if each is not Referenced.HOMING]
-"""States of a reference that a bit of the drive decides: a homing command leaves it in doubt."""
-_DOUBTED_AGAIN: Final = {
-    Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
-    Referenced.LOST: Referenced.LOST_IN_DOUBT,
-    Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
-    Referenced.FOUND: Referenced.LOST_IN_DOUBT,
-    Referenced.FOUND_IN_DOUBT: Referenced.LOST_IN_DOUBT,
-}
-
-REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Referenced]]]] = {
-    Reference.ABSOLUTE: {
-        ReferenceEvent.SET_AT_REST: {Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.SET_MOVING: {Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND},
-    },
-    Reference.SET_POSITION: {  # nothing hangs on homing: what counts is the position that is set after it
-        ReferenceEvent.HOMING: {Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.SET_AT_REST: {Referenced.LOST: Referenced.FOUND},
-        ReferenceEvent.SET_MOVING: {Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.LOSS: {Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND},
-    },
-    Reference.HOMING: {
-        ReferenceEvent.BIT_SET: {Referenced.HOMING: Referenced.FOUND},
-        ReferenceEvent.HOMING: {Referenced.LOST: Referenced.HOMING, Referenced.FOUND: Referenced.HOMING},
-        ReferenceEvent.OTHER_MOTION: {Referenced.HOMING: Referenced.LOST},
-        ReferenceEvent.SET_AT_REST: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.SET_MOVING: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.LOSS: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND, Referenced.HOMING: Referenced.FOUND},
-    },
-    Reference.DRIVE_BIT: {  # once the bit was seen to be down a homing has begun: the next one set ends it
-        ReferenceEvent.BIT_SET: dict.fromkeys(_TOLD_BY_BIT, Referenced.FOUND),
-        ReferenceEvent.BIT_CLEAR: dict.fromkeys(_TOLD_BY_BIT, Referenced.LOST),
-        ReferenceEvent.HOMING: {
-            Referenced.UNTOLD: Referenced.UNTOLD_HOMING,
-            Referenced.LOST: Referenced.HOMING_IN_DOUBT,
-            Referenced.LOST_IN_DOUBT: Referenced.HOMING_IN_DOUBT,
-            Referenced.FOUND: Referenced.HOMING_IN_DOUBT,
-            Referenced.FOUND_IN_DOUBT: Referenced.HOMING_IN_DOUBT,
-        },
-        ReferenceEvent.OTHER_MOTION: {
-            Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
-            Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
-        },
-        ReferenceEvent.SET_AT_REST: _DOUBTED_AGAIN,
-        ReferenceEvent.SET_MOVING: _DOUBTED_AGAIN,
-        ReferenceEvent.LOSS: {
-            Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
-            Referenced.LOST: Referenced.LOST_IN_DOUBT,
-            Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
-            Referenced.FOUND: Referenced.FOUND_IN_DOUBT,
-        },
-        ReferenceEvent.SILENCE: {
-            Referenced.LOST: Referenced.LOST_IN_DOUBT,
-            Referenced.FOUND: Referenced.FOUND_IN_DOUBT,
-        },
-    },
-}
-"""What each event makes of each state of the reference, by the way in which it is known."""
-
-REFERENCE_AT_START: Final = {
-    Reference.ABSOLUTE: Referenced.FOUND,
-    Reference.DRIVE_BIT: Referenced.UNTOLD,
-    Reference.HOMING: Referenced.LOST,
-    Reference.SET_POSITION: Referenced.LOST,
-}
-
-BLOCK_AFTER: Final[dict[tuple[Block, BlockEvent], Block]] = {
-    (Block.NONE, BlockEvent.LOST): Block.OWN,
-    (Block.OF_GROUP, BlockEvent.LOST): Block.OWN,
-    (Block.NONE, BlockEvent.LOST_OF_GROUP): Block.OF_GROUP,
-    (Block.OWN, BlockEvent.COMPLETED): Block.NONE,
-    (Block.OF_GROUP, BlockEvent.COMPLETED): Block.NONE,
-}
-"""What each event makes of each block."""
 
 
 class Axis(AxisState):
@@ -302,7 +180,7 @@ class Axis(AxisState):
         self.whereabouts = place
         if place not in TARGETED:
             self.compensation.forget_target()
-        if self.unproven is not None and place not in _UNPROVEN:
+        if self.unproven is not None and place not in UNPROVEN:
             if self.pending is self.unproven and self.on_wire is _NOTHING:
                 self.pending = None  # its record need not name it any more
             self.unproven = None
