@@ -6,7 +6,7 @@ from itertools import chain
 from tests.verify.mutants import ROOT, mutants_of
 
 REGISTERS = ROOT / "gateway" / "exchange" / "axis" / "registers.py"
-FILES = (REGISTERS.with_name("transitions.py"), REGISTERS.with_name("motion.py"))
+FILES = (REGISTERS.with_name("axis.py"), REGISTERS.with_name("motion.py"))
 
 
 def test_each_mutant_of_a_file_is_another_one_and_says_where_it_is_broken() -> None:

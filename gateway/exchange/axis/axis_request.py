@@ -1,4 +1,4 @@
-"""What one request does to one axis, as it was sent; ``transitions`` says what its end makes of it."""
+"""What one request does to one axis, as it was sent; ``Axis`` says what its end makes of it."""
 
 from collections.abc import Mapping
 from typing import Final, NamedTuple

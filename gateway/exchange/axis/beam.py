@@ -23,14 +23,14 @@ others stand or go by that. That is also how a beam is levelled of which a later
 
 The machine is :class:`Beam`, one for each group: its state, and the data that goes with it. What was fixed of
 each axis is its ``fixed`` (:class:`Fixed`), there exactly while the state is not
-``OPEN``. ``Axis`` (``transitions``) puts both into force, and nothing else does.
+``OPEN``. ``Axis`` puts both into force, and nothing else does.
 """
 
 from enum import Enum
 from typing import Final, NamedTuple
 
 from gateway.exchange.axis.acknowledge import Rendering
-from gateway.exchange.axis.motion import Whereabouts
+from gateway.exchange.axis.motion import MotionState
 from gateway.times import NS_PER_S
 
 LONGEST_NS: Final = 10 * NS_PER_S
@@ -117,8 +117,10 @@ class Fixed(NamedTuple):
 
     is_referenced: bool
     """Whether its positions meant something."""
-    place: Whereabouts
+    place: MotionState
     """Where it was."""
+    had_reported_done: bool
+    """The same of a target that was not acknowledged: whether its drive said done."""
     nominal_counts: float | None
     """Where its controller took it to be; None: nobody knew."""
     run: Rendering | None

@@ -31,18 +31,24 @@ class Told(Enum):
     """Nothing; behind the next link another drive may stand, or the same one with other settings."""
 
 
-SIGHT_AFTER: Final[dict[tuple[Sight, Told], Sight]] = {
-    (Sight.OPEN, Told.PLACE): Sight.OPEN,
-    (Sight.OPEN, Told.PASSING): Sight.OPEN,
-    (Sight.OPEN, Told.REFUSAL): Sight.REFUSED_ONCE,
-    (Sight.OPEN, Told.LINK_LOST): Sight.OPEN,
-    (Sight.REFUSED_ONCE, Told.PLACE): Sight.OPEN,
-    (Sight.REFUSED_ONCE, Told.PASSING): Sight.REFUSED_ONCE,
-    (Sight.REFUSED_ONCE, Told.REFUSAL): Sight.REFUSED,
-    (Sight.REFUSED_ONCE, Told.LINK_LOST): Sight.OPEN,
-    (Sight.REFUSED, Told.PLACE): Sight.REFUSED,
-    (Sight.REFUSED, Told.PASSING): Sight.REFUSED_ONCE,
-    (Sight.REFUSED, Told.REFUSAL): Sight.REFUSED,
-    (Sight.REFUSED, Told.LINK_LOST): Sight.OPEN,
+SIGHT_AFTER: Final[dict[Sight, dict[Told, Sight]]] = {
+    Sight.OPEN: {
+        Told.PLACE: Sight.OPEN,
+        Told.PASSING: Sight.OPEN,
+        Told.REFUSAL: Sight.REFUSED_ONCE,  # it may have been busy with something else
+        Told.LINK_LOST: Sight.OPEN,
+    },
+    Sight.REFUSED_ONCE: {
+        Told.PLACE: Sight.OPEN,
+        Told.PASSING: Sight.REFUSED_ONCE,  # what a controller is told says nothing of the gateway's own read
+        Told.REFUSAL: Sight.REFUSED,
+        Told.LINK_LOST: Sight.OPEN,
+    },
+    Sight.REFUSED: {
+        Told.PLACE: Sight.REFUSED,
+        Told.PASSING: Sight.REFUSED_ONCE,  # it tells again: one more refusal, and it is left alone again
+        Told.REFUSAL: Sight.REFUSED,
+        Told.LINK_LOST: Sight.OPEN,
+    },
 }
-"""Where each answer leads."""
+"""Where each answer leads; every pair can be."""
