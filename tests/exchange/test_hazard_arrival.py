@@ -84,6 +84,22 @@ def test_m6_done_without_its_fall_counts_once_the_drive_has_had_the_time() -> No
         assert bench.line.axes[0].motion.state is stage
 
 
+def test_m6_a_place_on_a_way_from_a_known_start_tells_the_direction() -> None:
+    """Nor does it matter that either branch could have brought a standing axis there."""
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
+    bench.move(60_000)
+    done(bench, is_set=True)
+    bench.actual()
+    bench.ask(write(COMMAND, 50_000))
+    done(bench, is_set=False)
+    bench.memory.put(ACTUAL, 55_000)
+    bench.wait(300)
+    place = bench.actual()
+    bench.ask(write(COMMAND, place + 100))
+    assert told(bench) == place + 100 + 410
+    assert not unsure(bench)
+
+
 def test_m6_a_sample_is_as_old_as_its_request() -> None:
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, actual=()), serial=False, tcp_drive=True)
     bench.ask(write(COMMAND, 60_000))
