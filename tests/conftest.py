@@ -6,11 +6,15 @@ import signal
 import pytest
 from hypothesis import HealthCheck, settings
 
+from gateway.exchange.axis import impossible
 from tests import needs
 
 # How long an example takes says how busy the machine is; what is fast enough is the business of `bench/`.
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
+
+# What cannot be in a state of an axis is a bug: here it is raised.
+impossible.raise_them()
 
 # A shell that starts us in the background, as some CI runners do, has us ignore SIGINT, and so would every
 # program that a test starts: Ctrl-C would then go unheard.  With Python's own handler here, they hear it.

@@ -190,7 +190,7 @@ PARTS: Final = {
     "status registers": status_registers,
     "drives": drives,
     "decisions": decisions,
-    "whereabouts": state_machine.whereabouts,
+    "motion": state_machine.motion,
     "references": state_machine.references,
     "transactions": state_machine.transactions,
     "stops": state_machine.stops,

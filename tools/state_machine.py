@@ -8,13 +8,20 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from gateway.exchange.answers import REACH_AFTER, Reach, Sign
-from gateway.exchange.axis.events import BlockEvent, Happening, Outcome, ReferenceEvent
-from gateway.exchange.axis.state import ON_WAY, TARGETED, WAS_THERE, Block, Referenced, Whereabouts
-from gateway.exchange.axis.transitions import (
-    BLOCK_AFTER,
+from gateway.exchange.axis.acknowledge import Outcome
+from gateway.exchange.axis.interlock import BLOCK_AFTER, Block, BlockEvent
+from gateway.exchange.axis.motion import (
+    MOTION_AFTER,
+    TARGETED,
+    WAS_THERE,
+    MotionEvent,
+    MotionState,
+)
+from gateway.exchange.axis.reference import (
     REFERENCE_AFTER,
     REFERENCE_AT_START,
-    WHEREABOUTS_AFTER,
+    ReferenceEvent,
+    ReferenceState,
 )
 from gateway.exchange.plan import Reference
 from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, STOP_AFTER, Phase, Stopping, Transaction
@@ -26,12 +33,7 @@ ROOT: Final = Path(__file__).parents[1]
 State = TypeVar("State", bound=Enum)
 Event = TypeVar("Event", bound=Enum)
 
-GROUPS: Final[Mapping[str, frozenset[Whereabouts]]] = {
-    "targeted": TARGETED,
-    "on its way": ON_WAY,
-    "was there": WAS_THERE,
-    "unproven": frozenset({Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST}),
-}
+GROUPS: Final[Mapping[str, frozenset[MotionState]]] = {"targeted": TARGETED, "was there": WAS_THERE}
 """States from which an event often leads to the same one: the picture has a frame around each."""
 STEPS: Final[Mapping[tuple[Phase, Phase], str]] = {
     (Phase.WAITING, Phase.PREREQUISITE): "leave",
@@ -46,73 +48,54 @@ STEPS: Final[Mapping[tuple[Phase, Phase], str]] = {
 }
 """The method of ``Transaction`` that takes each step which ``PHASE_AFTER`` allows."""
 
-WHEREABOUTS_LAYOUT: Final = Layout(
-    "state-machine-whereabouts.svg",
+MOTION_LAYOUT: Final = Layout(
+    "state-machine-motion.svg",
     "Where an axis is, and what leads from one state to another",
     900,
-    800,
+    760,
     nodes={
         ANY: (138, 50),
         "unknown": (190, 612),
         "stopped": (760, 612),
-        "out-of-reach": (400, 612),
-        "retained": (600, 712),
-        "unproven": (138, 165),
-        "unproven-at-rest": (138, 290),
-        "under-way": (428, 160),
-        "set-out": (726, 160),
-        "done-said": (350, 310),
-        "seen-there": (804, 310),
+        "superseded": (500, 612),
+        "unacknowledged": (138, 165),
+        "moving": (577, 160),
+        "done-reported": (350, 310),
+        "in-window": (804, 310),
         "arrived": (577, 310),
         "may-have-left": (577, 450),
-        "stands-again": (804, 450),
+        "at-rest": (804, 450),
     },
     frames={
         "targeted": Box(258, 95, 634, 425),
-        "on its way": Box(270, 122, 614, 86),
         "was there": Box(270, 240, 614, 265),
-        "unproven": Box(50, 112, 180, 228),
     },
     routes={
-        (ANY, "under-way"): Route(((178, 60), (428, 60), (428, 140)), (320, 78), "middle"),
-        (ANY, "set-out"): Route(((178, 40), (726, 40), (726, 140)), (560, 33), "middle"),
-        (ANY, "unproven"): Route(((138, 68), (138, 145)), (144, 96)),
+        (ANY, "moving"): Route(((178, 50), (577, 50), (577, 140)), (320, 43), "middle"),
+        (ANY, "unacknowledged"): Route(((138, 68), (138, 145)), (144, 96)),
         (ANY, "unknown"): Route(((98, 50), (25, 50), (25, 612), (120, 612)), (72, 605), "middle"),
-        ("unproven", "unproven-at-rest"): Route(((138, 185), (138, 270)), (144, 222), is_stacked=True),
-        ("group unproven", "under-way"): Route(((230, 165), (358, 165)), (312, 158), "middle"),
-        ("group unproven", "unknown"): Route(((150, 340), (150, 592)), (144, 470), "end", is_stacked=True),
-        ("group on its way", "done-said"): Route(((350, 208), (350, 290)), (356, 228)),
-        ("group on its way", "arrived"): Route(((577, 208), (577, 290)), (583, 228)),
-        ("group on its way", "seen-there"): Route(((804, 208), (804, 290)), (798, 228), "end"),
-        ("done-said", "arrived"): Route(((420, 310), (507, 310)), (463, 303), "middle"),
-        ("seen-there", "arrived"): Route(((734, 310), (647, 310)), (691, 288), "middle", is_stacked=True),
-        ("done-said", "may-have-left"): Route(((350, 330), (350, 450), (507, 450)), (430, 443), "middle"),
-        ("arrived", "may-have-left"): Route(((577, 330), (577, 430)), (583, 385)),
-        ("may-have-left", "stands-again"): Route(
-            ((647, 450), (734, 450)), (691, 428), "middle", is_stacked=True
+        ("unacknowledged", "moving"): Route(((208, 165), (507, 165)), (390, 158), "middle"),
+        ("unacknowledged", "unknown"): Route(((150, 185), (150, 592)), (144, 470), "end", is_stacked=True),
+        ("moving", "done-reported"): Route(((530, 180), (530, 230), (350, 230), (350, 290)), (400, 223)),
+        ("moving", "arrived"): Route(((577, 180), (577, 290)), (571, 275), "end"),
+        ("moving", "in-window"): Route(((647, 165), (850, 165), (850, 290)), (730, 158), "middle"),
+        ("in-window", "moving"): Route(
+            ((780, 290), (780, 225), (620, 225), (620, 180)), (715, 219), "middle"
         ),
-        ("seen-there", "under-way"): Route(
-            ((850, 290), (850, 214), (470, 214), (470, 180)), (700, 200), "middle"
-        ),
-        ("arrived", "stands-again"): Route(
-            ((600, 330), (600, 365), (804, 365), (804, 430)), (720, 358), "middle"
-        ),
-        ("stands-again", "may-have-left"): Route(
+        ("done-reported", "arrived"): Route(((420, 310), (507, 310)), (463, 303), "middle"),
+        ("in-window", "arrived"): Route(((734, 310), (647, 310)), (691, 303), "middle"),
+        ("done-reported", "may-have-left"): Route(((350, 330), (350, 450), (507, 450)), (430, 443), "middle"),
+        ("arrived", "may-have-left"): Route(((577, 330), (577, 430)), (571, 385), "end"),
+        ("may-have-left", "at-rest"): Route(((647, 450), (734, 450)), (691, 443), "middle"),
+        ("arrived", "at-rest"): Route(((610, 330), (610, 362), (804, 362), (804, 430)), (720, 355), "middle"),
+        ("at-rest", "may-have-left"): Route(
             ((760, 470), (760, 490), (600, 490), (600, 470)), (680, 483), "middle"
         ),
-        ("stands-again", "arrived"): Route(
-            ((740, 430), (740, 395), (625, 395), (625, 330)), (685, 388), "middle"
-        ),
-        ("group was there", "unknown"): Route(((270, 400), (242, 400), (242, 592)), (248, 556)),
-        ("group targeted", "out-of-reach"): Route(((400, 520), (400, 592)), (406, 560)),
-        ("group targeted", "retained"): Route(((600, 520), (600, 692)), (606, 660)),
+        ("at-rest", "arrived"): Route(((740, 430), (740, 398), (630, 398), (630, 330)), (685, 391), "middle"),
+        ("group was there", "unknown"): Route(((270, 400), (242, 400), (242, 592)), (248, 540)),
+        ("group targeted", "superseded"): Route(((500, 520), (500, 592)), (506, 548), is_stacked=True),
         ("group targeted", "stopped"): Route(((760, 520), (760, 592)), (766, 560)),
-        ("out-of-reach", "retained"): Route(((400, 632), (400, 712), (530, 712)), (394, 690), "end"),
-        ("out-of-reach", "unknown"): Route(((330, 612), (260, 612)), (295, 578), "middle", is_stacked=True),
-        ("retained", "unknown"): Route(
-            ((600, 732), (600, 750), (190, 750), (190, 632)), (395, 743), "middle"
-        ),
-        ("stopped", "unknown"): Route(((760, 632), (760, 785), (160, 785), (160, 632)), (460, 778), "middle"),
+        ("superseded", "unknown"): Route(((430, 612), (260, 612)), (345, 585), "middle", is_stacked=True),
     },
 )
 PHASES_LAYOUT: Final = Layout(
@@ -196,35 +179,45 @@ def _rows_of(members: Iterable[Enum]) -> list[tuple[str, ...]]:
 # --- parts of the page -------------------------------------------------------------------------------------
 
 
-def whereabouts() -> str:
-    """Return the states, happenings and table of where an axis is."""
-    return _machine(list(Whereabouts), list(Happening), WHEREABOUTS_AFTER)
+def flat(rows: Mapping[State, Mapping[Event, State | None]]) -> dict[tuple[State, Event], State]:
+    """Return what a table changes, by state and event."""
+    return {
+        (state, event): then for state, row in rows.items() for event, then in row.items() if then is not None
+    }
+
+
+def absent(
+    rows: Mapping[State, Mapping[Event, State | None]], events: Iterable[Event]
+) -> frozenset[tuple[State, Event]]:
+    """Return the pairs of state and event for which a table has no row: they cannot be."""
+    return frozenset((state, event) for state, row in rows.items() for event in events if event not in row)
+
+
+def motion() -> str:
+    """Return the states, events and table of where an axis is."""
+    events = list(MotionEvent)
+    return _machine(list(MotionState), events, flat(MOTION_AFTER), absent(MOTION_AFTER, events))
 
 
 def blocks() -> str:
     """Return the states, events and table of what blocks triggers."""
-    return _machine(list(Block), list(BlockEvent), BLOCK_AFTER)
+    events = list(BlockEvent)
+    return _machine(list(Block), events, flat(BLOCK_AFTER), absent(BLOCK_AFTER, events))
 
 
 def references() -> str:
     """Return the states, events and tables of the reference, by each way in which it is known."""
     parts = [
-        table(("state", "means"), _rows_of(Referenced)),
+        table(("state", "means"), _rows_of(ReferenceState)),
         table(("event", "means"), _rows_of(ReferenceEvent)),
     ]
     for kind, meaning in meanings(Reference).items():
         assert isinstance(kind, Reference)
-        after = {
-            (state, event): then
-            for event, by_state in REFERENCE_AFTER[kind].items()
-            for state, then in by_state.items()
-        }
-        start = REFERENCE_AT_START[kind]
-        states = _reached(start, after)
-        events = [event for event in ReferenceEvent if event in REFERENCE_AFTER[kind]]
+        rows = REFERENCE_AFTER[kind]
+        events = [event for event in ReferenceEvent if any(event in row for row in rows.values())]
         parts.append(
-            f"### `{kind.value}`\n\n{meaning} At the start: `{start.value}`.\n\n"
-            + _tables(states, events, after)
+            f"### `{kind.value}`\n\n{meaning} At the start: `{REFERENCE_AT_START[kind].value}`.\n\n"
+            + _tables(list(rows), events, flat(rows), absent(rows, events))
         )
     return "\n".join(parts)
 
@@ -285,19 +278,25 @@ def _check_steps() -> None:
 
 
 def _machine(
-    states: Sequence[State], events: Sequence[Event], after: Mapping[tuple[State, Event], State]
+    states: Sequence[State],
+    events: Sequence[Event],
+    after: Mapping[tuple[State, Event], State],
+    absent: frozenset[tuple[State, Event]] = frozenset(),
 ) -> str:
     return "\n".join(
         (
             table(("state", "means"), _rows_of(states)),
             table(("event", "means"), _rows_of(events)),
-            _tables(states, events, after),
+            _tables(states, events, after, absent),
         )
     )
 
 
 def _tables(
-    states: Sequence[State], events: Sequence[Event], after: Mapping[tuple[State, Event], State]
+    states: Sequence[State],
+    events: Sequence[Event],
+    after: Mapping[tuple[State, Event], State],
+    absent: frozenset[tuple[State, Event]] = frozenset(),
 ) -> str:
     """Return what each event makes of each state; first those that make the same of all."""
     common = {event: then for event in events if (then := _of_any(states, event, after)) is not None}
@@ -307,7 +306,13 @@ def _tables(
         lines = [(f"`{event.value}`", f"`{then.value}`") for event, then in common.items()]
         parts.append(table(("event, in any state", "leads to"), lines))
     if others:
-        rows = [(f"`{state.value}`", *(_cell(after.get((state, e))) for e in others)) for state in states]
+        rows = [
+            (
+                f"`{state.value}`",
+                *("×" if (state, e) in absent else _cell(after.get((state, e))) for e in others),
+            )
+            for state in states
+        ]
         parts.append(table(("state", *(str(event.value) for event in others)), rows))  # narrow enough
     return "\n".join(parts)
 
@@ -384,13 +389,11 @@ def pictures() -> dict[str, str]:
     Raises:
         LayoutError: one cannot be drawn as it is laid out; the message names what has no place.
     """
-    places = list(Whereabouts)
-    arrows = arrows_of(places, list(Happening), WHEREABOUTS_AFTER, GROUPS)
+    places = list(MotionState)
+    arrows = arrows_of(places, list(MotionEvent), flat(MOTION_AFTER), GROUPS)
     groups = {name: [str(state.value) for state in group] for name, group in GROUPS.items()}
     phases = [str(phase.value) for phase in Phase]
     return {
-        WHEREABOUTS_LAYOUT.name: drawn(
-            WHEREABOUTS_LAYOUT, [str(place.value) for place in places], groups, arrows
-        ),
+        MOTION_LAYOUT.name: drawn(MOTION_LAYOUT, [str(place.value) for place in places], groups, arrows),
         PHASES_LAYOUT.name: drawn(PHASES_LAYOUT, phases, {}, _phase_arrows()),
     }

@@ -73,6 +73,12 @@ LINE: Final = (
     ),
     CounterEntry("broadcasts", "broadcasts", "requests to all drives, which none answers"),
     CounterEntry("added_reads", "added reads", "reads of the gateway's own: of positions, modes and bits"),
+    CounterEntry(
+        "internal_faults",
+        "internal faults",
+        "faults of the gateway's own program; see the event `internal-fault`",
+        "send the log and the configuration to the makers of the gateway",
+    ),
     CounterEntry("restaged", "restaged", "staged targets that were written anew for their trigger"),
     CounterEntry(
         "unknown_modes",

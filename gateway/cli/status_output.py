@@ -30,6 +30,7 @@ SHOWN: Final = (
     "wrong_units",
     "unknown_modes",
     "unmapped_reads",
+    "internal_faults",
 )
 """Counters of a line that are shown. The first two are shown always, the others where they count."""
 ALWAYS: Final = frozenset({"exchanges", "timeouts"})

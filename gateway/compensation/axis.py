@@ -99,6 +99,11 @@ class AxisCompensation:
         return self._accepted
 
     @property
+    def has_target(self) -> bool:
+        """Whether there is a last accepted target; to ask ends no run."""
+        return self._accepted is not None
+
+    @property
     def way(self) -> tuple[float, float]:
         """Corrected counts between which the axis moves for the last accepted target, lower one first."""
         if self._steps:

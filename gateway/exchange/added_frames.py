@@ -15,8 +15,10 @@ from typing import Final
 
 from gateway.drives.motion import Form
 from gateway.exchange.access import MEI_HEAD, swapped
-from gateway.exchange.axis.state import HOMING, Actual, Rendering, Told
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.motion import Actual
+from gateway.exchange.axis.sight import Told
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import DONE_BIT, MOVING_BIT
 from gateway.exchange.request import Known, Standing
@@ -157,8 +159,8 @@ def read_bit(axis: Axis, purpose: Purpose, bit: BitField) -> AddedFrame:
 
 def homed_read(axis: Axis) -> AddedFrame | None:
     """Return the read of the bit on which the reference of an axis hangs at the moment."""
-    bit = axis.plan.bits.get(axis.homed_bit)
-    is_needed = axis.follows_homed_bit or axis.reference in HOMING
+    bit = axis.plan.bits.get(axis.reference.bit)
+    is_needed = axis.reference.follows_homed_bit or axis.reference.is_homing
     if not is_needed or not axis.may_read or bit is None:
         return None
     return read_bit(axis, Purpose.HOMED, bit)
@@ -207,7 +209,7 @@ def next_look(read: AddedFrame, now_ns: int) -> AddedFrame | None:
         return None
     if record.wants_look:
         return read
-    if record.looks > LOOKS or not axis.looks_wanted(now_ns):
+    if record.looks > LOOKS or not axis.motion.looks_wanted(now_ns):
         return None
     record.look_again()
     bit = standing_bit(axis) if record.looks == 1 else None
@@ -300,7 +302,9 @@ def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
     if read.purpose is Purpose.HOMED:
         known.references.add(name)
         assert read.bit is not None
-        axis.observe_bit(axis.homed_bit, asked_ns, is_set=words is not None and read.bit.is_set(_word(words)))
+        axis.observe_bit(
+            axis.reference.bit, asked_ns, is_set=words is not None and read.bit.is_set(_word(words))
+        )
     elif read.purpose in (Purpose.ACTUAL, Purpose.LOOK):
         field = axis.plan.actual[0]
         known.looks[name] = known.looks.get(name, 0) + 1
@@ -309,7 +313,7 @@ def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
         known.actual[name] = None if words is None else axis.observe_actual(field, words, asked_ns)
         actual = known.actual[name]
         if read.purpose is Purpose.LOOK and actual is not None:
-            axis.look(actual, is_for_distance=read.is_for_distance)
+            axis.motion.look(actual, is_for_distance=read.is_for_distance)
     elif read.purpose is Purpose.COMMANDED:
         field = axis.plan.commanded[0]
         counts = known.commanded[name] = None if words is None else counts_of(field, field.unpack(words))
@@ -337,12 +341,12 @@ def _learn_standing(read: AddedFrame, words: bytes | None, known: Known, asked_n
     is_set = read.bit.is_set(_word(words))
     is_done = read.bit is axis.plan.bits.get(DONE_BIT)
     if is_done:
-        axis.observe_done(asked_ns, is_done=is_set)
+        axis.motion.observe_done(asked_ns, is_done=is_set)
     else:
-        axis.hear(asked_ns, moves=is_set)
+        axis.motion.hear(asked_ns, moves=is_set)
     if is_set is not is_done:
         known.standing[axis.plan.name] = Standing.MOVES
-    elif axis.has_started(asked_ns):
+    elif axis.motion.has_started(asked_ns):
         known.standing[axis.plan.name] = Standing.STANDS
     else:
         known.standing[axis.plan.name] = Standing.SAYS_SO

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from gateway.exchange.axis.events import Outcome
+from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.dispatch import Units
 from gateway.exchange.events import Event, EventKind

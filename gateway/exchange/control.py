@@ -8,8 +8,7 @@ from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.errors import CompensationError, TemperatureError
 from gateway.compensation.settings import Gain, Setpoints
 from gateway.compensation.table import CorrectionTable
-from gateway.exchange.axis.state import Switched
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.commands import (
     ClearTable,
     Command,
@@ -81,7 +80,7 @@ def switch(axes: Sequence[Axis], name: str, *, is_wanted: bool) -> tuple[str, ..
     for axis in members:
         if is_wanted and axis.plan.table is None:
             raise ControlError(f"axis {axis.plan.name} has no table: name one in the configuration first")
-        if is_wanted and axis.switched is Switched.ENDED:
+        if is_wanted and axis.reference.is_remapped:
             raise ControlError(
                 f"the registers of axis {axis.plan.name} were moved about on its drive: check the drive, "
                 "then restart the gateway"
@@ -101,7 +100,7 @@ def end_dry_run(axes: Sequence[Axis], name: str) -> dict[str, str]:
     """
     members = [axis for axis in _group_of(axes, name) if axis.is_dry_run]
     for axis in members:
-        if why := axis.why_not_at_rest:
+        if why := axis.motion.why_not_at_rest:
             raise ControlError(
                 f"axis {axis.plan.name} stays in shadow: {why}; let it arrive at a target, and reload again"
             )
@@ -123,7 +122,7 @@ def declare(axes: Sequence[Axis], name: str) -> tuple[str, ...]:
         ControlError: no such axis, or its drive's homed bit decides.
     """
     axis = _group_of(axes, name)[0]
-    if axis.follows_homed_bit:
+    if axis.reference.follows_homed_bit:
         raise ControlError(
             f'axis {name} is referenced by its drive\'s homed bit (referenced = "drive-bit"): home the drive'
         )
@@ -250,7 +249,7 @@ def _check_whole(members: Sequence[Axis]) -> None:
 
 def _comes(axis: Axis) -> str:
     """Say how what is wanted of an axis comes into force; nothing moves by itself."""
-    if not axis.is_enabled or not axis.is_referenced:
+    if not axis.is_enabled or not axis.reference.is_referenced:
         return NOT_IN_FORCE
     return BLENDED if axis.plan.settings.setpoints is Setpoints.STREAM else NEXT_TARGET
 

@@ -36,6 +36,8 @@ class LineCounters:
     """Replies that are longer than a frame may be."""
     malformed: int = 0
     """Requests without a function code."""
+    internal_faults: int = 0
+    """Events that cannot be in the state of an axis in which they came: bugs of the gateway."""
 
     def note_reply(self, reply: bytes) -> None:
         """Count a transaction that a drive answered."""

@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from gateway.compiled import mypyc_attr
-from gateway.exchange.axis.events import SteadyTarget
+from gateway.exchange.axis.axis_request import SteadyTarget
 from gateway.exchange.cut_replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.cut_requests import WRITE, Heads, RequestJudge, beginning_of, shape_of
 from gateway.exchange.cut_through import CUT_AFTER, Cut, CutThrough, Pace, Turn

@@ -7,7 +7,7 @@ which.
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.dispatch import Units, is_acting_on
 from gateway.exchange.events import Event, EventKind

@@ -7,7 +7,7 @@ from gateway.drives.motion import Action
 from gateway.exchange.access import HEAD_BYTES, access_of, coils_written, is_cut_short
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.aliases import Aliases, why_not_passed
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.fast_path import find_path
 from gateway.exchange.group_runs import next_of_groups, settle_groups
 from gateway.exchange.meaning import NO_ACCESS, Frame, Meaning, meanings

@@ -40,6 +40,7 @@ class EventKind(Enum):
     UNKNOWN_UNIT = "unknown-unit"
     REQUEST_REFUSED = "request-refused"
     SECOND_WRITER = "second-writer"
+    INTERNAL_FAULT = "internal-fault"
     TERM_FOLLOWS = "term-follows"
     TERM_HELD = "term-held"
     TERM_FADES = "term-fades"

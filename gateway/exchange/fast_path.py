@@ -12,9 +12,10 @@ from typing import Final, NamedTuple
 
 from gateway.exchange.access import ACCESS, Access
 from gateway.exchange.aliases import ANY_TCP_DRIVE
-from gateway.exchange.axis.events import Part, SteadyTarget
-from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, Rendering, Whereabouts
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.axis_request import Part, SteadyTarget
+from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, MotionState
 from gateway.exchange.field_counts import nearest
 from gateway.exchange.meaning import Frame
 from gateway.exchange.ports import ControllerPort
@@ -28,7 +29,7 @@ from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable, PositionField
 from gateway.modbus.words import Integer
 
-ARRIVED: Final = Whereabouts.ARRIVED
+ARRIVED: Final = MotionState.ARRIVED
 
 NOBODY: Final[frozenset[str]] = frozenset()
 """Names of the axes that a read sends somewhere."""
@@ -119,7 +120,9 @@ class ReadPath(FastPath):
         """Whether no position that it reads may prove something, and be turned back otherwise for that."""
         for read in self._reads:
             record = read.axis.record
-            if read.axis.unproven is not None or (record is not None and record.recalled is not None):
+            if read.axis.motion.unacknowledged is not None:
+                return False
+            if record is not None and record.recalled is not None:
                 return False
         return True
 
@@ -234,14 +237,14 @@ class WritePath(FastPath):
         if words == image.nominal_words:
             if compensation.accepted is None or image.corrected_words is None:
                 return None
-            if self._number != axis.last_number:
+            if self._number != axis.motion.last_number:
                 return None  # another register of the axis was written since: this is a target
             return SteadyTarget(words, image.corrected_words, 0.0, image.epoch, None)
         if self._terms is not None and self._terms.is_due(now_ns):
             return None
         raw = self._codec.unpack(words, 0)
         nominal_counts = raw if self._scale == 1.0 else raw * self._scale
-        steady = compensation.plan_steady(nominal_counts, now_ns, axis.whereabouts is ARRIVED)
+        steady = compensation.plan_steady(nominal_counts, now_ns, axis.motion.state is ARRIVED)
         if steady is None:
             return None
         raw += nearest(steady.correction_counts / self._scale)
@@ -264,9 +267,10 @@ class WritePath(FastPath):
             record = each.record
             if each.silent_since_ns is not None or (record is not None and record.recalled is not None):
                 return False
-        if not axis.compensation.is_stream and axis.has_branches and axis.is_unseen(now_ns):
+        if not axis.compensation.is_stream and axis.has_branches and axis.motion.is_unseen(now_ns):
             return False
-        if axis.unproven is not None or axis.whereabouts in MAY_BE_ELSEWHERE or self._image.is_torn:
+        motion = axis.motion
+        if motion.unacknowledged is not None or motion.state in MAY_BE_ELSEWHERE or self._image.is_torn:
             return False
         return not (self._asks_for_bits and axis.needs_reference(now_ns, is_target=True))
 
@@ -294,7 +298,7 @@ class WritePath(FastPath):
         """See ``FastPath``."""
         assert transaction.target is not None
         rendering = transaction.rendering()
-        self._axis.name_pending(rendering)
+        self._axis.acknowledgement.name(rendering)
         pdu, words = transaction.pdu, rendering.corrected_words
         sent_pdu = pdu[: self._start] + words + pdu[self._end :]
         frame = Frame(self._unit, pdu, self._access, {})

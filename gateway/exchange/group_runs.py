@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_word
-from gateway.exchange.axis.state import Whereabouts
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.meaning import Meaning
@@ -75,8 +75,8 @@ def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
 def _look_at_kept(request: Request, axis: Axis) -> AddedFrame | None:
     """Return the look that tells whether the target of before a loss counts: of a group all do, or none."""
     actual = axis.asked_actual
-    retained = axis.retained
-    is_open = retained is not None and not retained.is_declared and axis.seen_at_retained is None
+    retained = axis.motion.superseded
+    is_open = retained is not None and not retained.is_declared and axis.motion.seen_at_superseded is None
     if not is_open or actual is None or axis.plan.name in request.known.actual:
         return None
     return AddedFrame(axis, Purpose.LOOK, actual.address, actual.words)
@@ -166,7 +166,7 @@ def _prepare_peer(request: Request, axis: Axis, first: Meaning) -> AddedFrame | 
                 EventKind.STORED_MOVE,
             )
         return None
-    if not axis.holds_unrun and axis.whereabouts is not Whereabouts.STOPPED:
+    if not axis.holds_unrun and axis.motion.state is not MotionState.STOPPED:
         return None  # it has run that
     try:
         return _prepare_staged(request, axis, number, words, first.action)

@@ -31,11 +31,12 @@ from gateway.exchange.added_frames import (
 from gateway.exchange.admission import NO_ROOM, Admission, judge, role_denial
 from gateway.exchange.answers import Answers, Reach, Silence
 from gateway.exchange.arbitration import Gaps
-from gateway.exchange.axis.events import Outcome, SteadyTarget
+from gateway.exchange.axis.acknowledge import Outcome
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.axis_request import SteadyTarget
 from gateway.exchange.axis.groups import join
+from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.axis.registers import Loss
-from gateway.exchange.axis.state import ON_WAY
-from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.commands import Command, EndDryRun, SetLimits
 from gateway.exchange.control import ControlError, carry_out
 from gateway.exchange.counters import LineCounters
@@ -729,7 +730,7 @@ class LineExchange(CuttingLine):
         state = self.link_state
         self.is_up = False
         self._closes_ns = 0
-        is_under_way = any(axis.whereabouts in ON_WAY for axis in self.axes)
+        is_under_way = any(axis.motion.state is MotionState.MOVING for axis in self.axes)
         is_busy = current is not None or self.rest.is_draining or self.answers.owes
         self.rest.break_off(owes_silence=self._link.is_serial and is_busy)
         heard_ns = [self.answers.answered_ns[axis.plan.unit_id] for axis in self.axes]
@@ -1421,10 +1422,13 @@ class LineExchange(CuttingLine):
             if axis.peers:
                 axis.follow_group()
                 for peer in axis.peers:
-                    for event in peer.take_events():
-                        self._on_event(event)
-            for event in axis.take_events():
-                self._on_event(event)
+                    self._report_one(peer)
+            self._report_one(axis)
+
+    def _report_one(self, axis: Axis) -> None:
+        for event in axis.take_events():
+            self.counters.internal_faults += event.kind is EventKind.INTERNAL_FAULT
+            self._on_event(event)
 
     # --- endings ---------------------------------------------------------------------------------------
 

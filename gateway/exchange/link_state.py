@@ -7,8 +7,9 @@ told, then one a minute with how many there were. What lasts is told in any case
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.exchange.axis.state import HOMING, OnWire, Said, Whereabouts
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.acknowledge import OnWire
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.motion import MotionState, Said
 from gateway.exchange.link_loss import BLINK_NS, CLOSES_SOON_NS, HEARD_NS, LinkLoss
 from gateway.exchange.plan import DONE_BIT
 from gateway.limits import Reports, others_of_pairs, times
@@ -22,13 +23,7 @@ NEVER: Final = 1 << 62
 IDLE: Final = "closed by its peer when idle"
 ASKED: Final = "closed by its peer while a request was unanswered"
 AT_REST: Final = frozenset(
-    {
-        Whereabouts.UNKNOWN,
-        Whereabouts.STOPPED,
-        Whereabouts.RETAINED,
-        Whereabouts.OUT_OF_REACH,
-        Whereabouts.ARRIVED,
-    }
+    {MotionState.UNKNOWN, MotionState.STOPPED, MotionState.SUPERSEDED, MotionState.ARRIVED}
 )
 """Places from which nothing that came through the gateway is under way."""
 
@@ -39,20 +34,20 @@ def is_at_rest(axis: Axis, up_ns: int, now_ns: int) -> bool:
     ``up_ns``: when the link came up. Something else than a target may move the axis where it was sent off
     since, until its drive has said that it stands.
     """
-    has_arrived = axis.whereabouts in AT_REST
-    if axis.whereabouts is Whereabouts.UNKNOWN:
-        has_arrived = axis.sent_off_ns <= up_ns or axis.said is Said.STOOD
-    if axis.compensation.is_stream and now_ns - axis.heard_ns < STREAM_ENDED_NS:
+    has_arrived = axis.motion.state in AT_REST
+    if axis.motion.state is MotionState.UNKNOWN:
+        has_arrived = axis.motion.sent_off_ns <= up_ns or axis.motion.said is Said.STOOD
+    if axis.compensation.is_stream and now_ns - axis.motion.heard_ns < STREAM_ENDED_NS:
         return False
-    if axis.whereabouts is Whereabouts.SEEN_THERE:
+    if axis.motion.state is MotionState.IN_WINDOW:
         has_arrived = DONE_BIT not in axis.plan.bits  # it has no other way to say so
-    is_standing = has_arrived and not axis.is_moving and axis.reference not in HOMING
-    if not is_standing or axis.on_wire is not OnWire.NOTHING:
+    is_standing = has_arrived and not axis.motion.is_moving and not axis.reference.is_homing
+    if not is_standing or axis.acknowledgement.on_wire is not OnWire.NOTHING:
         return False
     staged = axis.rules.staged if axis.plan.motion.waits_for_trigger else None
     if staged is None:
         return True
-    last, image = axis.retained_target, axis.fields[staged]
+    last, image = axis.motion.last_target, axis.fields[staged]
     return last is not None and (last.number, last.nominal_words) == (staged, image.nominal_words)
 
 

@@ -14,8 +14,8 @@ from typing import Final
 
 from gateway.drives.motion import NOTHING_DONE, Action, Deed, ModePlan
 from gateway.exchange.access import Access
-from gateway.exchange.axis.events import Command
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.axis_request import Command
 from gateway.exchange.unit import AxisHits, FieldHit, RuleHit, UnitMap
 
 NO_ACCESS: Final = Access()
@@ -70,7 +70,7 @@ class Meaning(Command):
             unclear_words=unclear_words,
             written=tuple(hit.place.number for hit in commands),
             modes_written=tuple(sorted(axis.rules.modes.intersection((*words, *unclear_words)))),
-            epoch=axis.epoch,
+            epoch=axis.interlock.epoch,
             is_doubtful=is_doubtful,
             sets_position_too=sets_position_too,
         )

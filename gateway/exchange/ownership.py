@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 
 from gateway.drives.motion import Action
 from gateway.exchange.access import MONITOR_FUNCTIONS
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.registers import Loss
-from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.dispatch import Units
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Frame, Meaning, meanings

@@ -12,8 +12,9 @@ from gateway.exchange.added_frames import (
     restaging,
     standing_bit,
 )
-from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, TARGETED, KeptOver, Rendering
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, TARGETED, KeptOver
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.meaning import Meaning
@@ -118,7 +119,7 @@ def _command_read(request: Request) -> AddedFrame | None:
                     return AddedFrame(axis, Purpose.COMMAND, field.address, field.words, hit)
             elif is_run and (
                 not write.is_again
-                or axis.whereabouts in MAY_BE_ELSEWHERE
+                or axis.motion.state in MAY_BE_ELSEWHERE
                 or needs_look(axis, request.now_ns, action)
             ):
                 added = read_for_run(request, axis, number, words, action)
@@ -133,9 +134,9 @@ def read_for_run(
     """Return what must be read before a whole target can be rendered."""
     known, name = request.known, axis.plan.name
     actual = axis.asked_actual
-    retained = axis.retained_as(number, words)
+    retained = axis.motion.superseded_as(number, words)
     if not action.is_relative and retained is not None:
-        is_seen = axis.is_seen_at_retained and not axis.is_unseen(request.now_ns)
+        is_seen = axis.motion.is_seen_at_superseded and not axis.motion.is_unseen(request.now_ns)
         if retained.is_declared or is_seen or actual is None or name in known.actual:
             return None
         return AddedFrame(axis, Purpose.LOOK, actual.address, actual.words)
@@ -167,7 +168,7 @@ def read_for_staged(
     request: Request, axis: Axis, number: int, words: bytes, action: Action
 ) -> AddedFrame | None:
     """Return what must be read before a target that the drive holds can be rendered for its trigger."""
-    if axis.passes_unchanged and axis.retained_as(number, words) is None:
+    if axis.passes_unchanged and axis.motion.superseded_as(number, words) is None:
         return None
     return read_for_run(request, axis, number, words, action)
 
@@ -214,7 +215,7 @@ def _read_back(request: Request, meaning: Meaning) -> AddedFrame | None:
     It runs only where its drive holds the very words that it was told (``Axis.read_back``).
     """
     axis, number = meaning.axis, meaning.number
-    retained = axis.retained
+    retained = axis.motion.superseded
     if number is None or retained is None or retained.number != number or not axis.may_read:
         return None
     # After any other loss its drive may have been switched off, and hold what it had before.
@@ -255,7 +256,10 @@ def _fixed_run(meaning: Meaning) -> Rendering | None:
     is_held = (
         is_same and run.is_distance is meaning.action.is_relative and image.holds(0, run.corrected_words)
     )
-    is_there = axis.whereabouts is fixed.place or axis.whereabouts in TARGETED
+    motion = axis.motion
+    is_there = motion.state in TARGETED or (
+        motion.state is fixed.place and motion.has_reported_done is fixed.had_reported_done
+    )
     return run if is_held and is_there else None
 
 
@@ -367,8 +371,10 @@ def _next_base_read(axis: Axis, action: Action, known: Known, now_ns: int) -> Ad
     if bit is not None:
         return bit
     actual, commanded = axis.asked_actual, axis.asked_commanded
-    if axis.is_distance_unproven and actual is not None:
-        is_told = name in known.actual and not (known.looks[name] < LOOKS and axis.looks_wanted(now_ns))
+    if axis.motion.is_distance_unproven and actual is not None:
+        is_told = name in known.actual and not (
+            known.looks[name] < LOOKS and axis.motion.looks_wanted(now_ns)
+        )
         return None if is_told else read_field(axis, Purpose.ACTUAL, actual)
     if counts_from_commanded(axis, action):
         if commanded is not None and name not in known.commanded:

@@ -17,8 +17,9 @@ from gateway.compensation.moves import Accepted, Move, Place, PlaceKind
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.drives.motion import Action
-from gateway.exchange.axis.state import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, Keeping, Rendering, Whereabouts
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, Keeping, MotionState
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.request import Known, Standing
@@ -91,14 +92,15 @@ def render(
     is_passing = axis.passes_unchanged
     spec = axis.spec_of_words(number, nominal_words)
     is_kept = spec is None or axis.may_keep_words(spec)
-    unproven = axis.unproven if axis.unproven and _is_unproven(axis.unproven, number, nominal_words) else None
-    unproven = unproven if is_kept else None
+    unproven = axis.motion.unacknowledged if is_kept else None
+    if unproven is not None and not _is_unproven(unproven, number, nominal_words):
+        unproven = None
     if unproven is not None and axis.compensation.is_stream and not is_passing:
         return unproven  # the drive may hold it: the same setpoint is the same words (M4)
     if needs_offset(axis):
         axis.begin_stream(number, nominal_words, seen.fresh, seen.now_ns)
         is_passing = axis.passes_unchanged
-    keeping = axis.keeping(number, nominal_words) if is_kept else Keeping.NEW
+    keeping = axis.motion.keeping(number, nominal_words) if is_kept else Keeping.NEW
     if keeping is Keeping.SAME_WORDS:
         return _again(axis)
     if keeping is Keeping.UNSEEN:
@@ -188,11 +190,11 @@ def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
     accepted = axis.compensation.accepted
     is_same = accepted is not None and accepted.nominal_counts == nominal_counts
     if is_same and axis.may_keep_words(axis.compensation.state.spec):
-        return axis.whereabouts in MAY_BE_ELSEWHERE  # is it still there? (M4)
+        return axis.motion.state in MAY_BE_ELSEWHERE  # is it still there? (M4)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return False
     if is_same:
-        return axis.has_branches and not axis.has_arrived
+        return axis.has_branches and not axis.motion.has_arrived
     return axis.has_branches and _known_place(axis, nominal_counts, now_ns) is None
 
 
@@ -211,14 +213,14 @@ def lacks_look(axis: Axis, seen: Seen) -> bool:
         return False
     if not axis.is_out_of_sight:
         return seen.is_refused
-    return axis.whereabouts in MAY_BE_ELSEWHERE or _is_doubtful(axis, seen.now_ns, Action.ABSOLUTE)
+    return axis.motion.state in MAY_BE_ELSEWHERE or _is_doubtful(axis, seen.now_ns, Action.ABSOLUTE)
 
 
 def _is_doubtful(axis: Axis, now_ns: int, action: Action) -> bool:
     if axis.compensation.is_stream or axis.compensation.accepted is None or not axis.plan.actual:
         return False
     counts = axis.has_branches or action.is_relative
-    return counts and not axis.passes_unchanged and axis.is_unseen(now_ns)
+    return counts and not axis.passes_unchanged and axis.motion.is_unseen(now_ns)
 
 
 def render_limit(axis: Axis, number: int, nominal_words: bytes) -> bytes:
@@ -263,11 +265,11 @@ def _again(axis: Axis) -> Rendering:
     One whose reference went and came is referenced anew, so that nobody knows from which side it stands
     there; nor of one that nobody has seen since. Without a reference its words mean nothing.
     """
-    assert axis.retained is not None
-    number, nominal_words, corrected_words, corrected_counts, move, *_ = axis.retained
-    if not axis.is_referenced:
+    assert axis.motion.superseded is not None
+    number, nominal_words, corrected_words, corrected_counts, move, *_ = axis.motion.superseded
+    if not axis.reference.is_referenced:
         return Rendering(number, nominal_words, corrected_words, 0.0, None)
-    if axis.whereabouts is Whereabouts.RETAINED or not axis.is_seen_at_retained:
+    if axis.motion.superseded.is_other_reference or not axis.motion.is_seen_at_superseded:
         move = move._replace(state=move.state._replace(is_unsure=True))
     return Rendering(number, nominal_words, corrected_words, corrected_counts, move)
 
@@ -301,7 +303,7 @@ def _plan_move(
     is_doubtful |= accepted is None and axis.plan.queues_targets  # other targets may wait before this one
     if accepted is not None and accepted.nominal_counts == nominal_counts:
         # Made anew, of a group: by how much its words change is all that it goes (M11).
-        place = Place(accepted.corrected_counts, PlaceKind.ON_DRIVE) if axis.has_arrived else place
+        place = Place(accepted.corrected_counts, PlaceKind.ON_DRIVE) if axis.motion.has_arrived else place
     else:
         place = place or _known_place(axis, nominal_counts, now_ns)
     if place is None and fresh is not None:
@@ -310,9 +312,9 @@ def _plan_move(
     if place is None and accepted is not None and not axis.plan.actual and "done" not in axis.plan.bits:
         # Nothing tells where this axis is; the order of its targets is the best there is, and flagged.
         place = Place(accepted.nominal_counts, PlaceKind.ASSUMED)
-    if place is None and axis.retained is not None:
+    if place is None and axis.motion.superseded is not None:
         # Where nobody could look, its target of before the loss is the best there is, and flagged.
-        place, is_doubtful = Place(axis.retained.corrected_counts, PlaceKind.ON_DRIVE), True
+        place, is_doubtful = Place(axis.motion.superseded.corrected_counts, PlaceKind.ON_DRIVE), True
     move = compensation.plan(nominal_counts, place, now_ns)
     return move._replace(state=move.state._replace(is_unsure=True)) if is_doubtful else move
 
@@ -320,11 +322,11 @@ def _plan_move(
 def _known_place(axis: Axis, nominal_counts: Counts, now_ns: int) -> Place | None:
     """Where the axis is, as far as passing traffic told it (M6)."""
     accepted = axis.compensation.accepted
-    if accepted is not None and (axis.has_arrived or axis.plan.queues_targets):
+    if accepted is not None and (axis.motion.has_arrived or axis.plan.queues_targets):
         return Place(accepted.nominal_counts, PlaceKind.REACHED)  # there, or there before it goes on
-    if accepted is not None and axis.whereabouts is Whereabouts.DONE_SAID and axis.asked_actual is None:
+    if accepted is not None and axis.motion.state is MotionState.DONE_REPORTED and axis.asked_actual is None:
         return Place(accepted.nominal_counts, PlaceKind.ASSUMED)
-    actual = axis.actual
+    actual = axis.motion.actual
     settings = axis.plan.settings
     if actual is None or not settings.max_speed:
         return None
@@ -343,7 +345,7 @@ def _reach_counts(axis: Axis, age_ns: int) -> float:
 
 def _may_run(axis: Axis, actual: Actual) -> bool:
     """Whether an axis may have been moving when it was seen, by something else than a target (M6)."""
-    return axis.whereabouts is Whereabouts.UNKNOWN and not axis.may_stand(actual.seen_ns)
+    return axis.motion.state is MotionState.UNKNOWN and not axis.motion.may_stand(actual.seen_ns)
 
 
 def _may_have_passed(axis: Axis, nominal_counts: Counts, fresh: Actual, now_ns: int) -> bool:
@@ -356,15 +358,16 @@ def _measured(axis: Axis, actual: Actual) -> Place:
     """Turn a measured position back where its branch is known; else leave it on the drive's scale."""
     if axis.is_dry_run:
         return Place(actual.counts, PlaceKind.MEASURED)
-    if axis.whereabouts not in ON_BRANCH:
+    if axis.motion.state not in ON_BRANCH:
         return Place(actual.counts, PlaceKind.ON_WAY if _may_run(axis, actual) else PlaceKind.ON_DRIVE)
-    if not axis.knows_branch:
+    if not axis.motion.knows_branch:
         return Place(actual.counts, PlaceKind.ON_WAY)
     # Nobody knows where it set out: a reading that still fades from there is no position, nor at its target.
     fades = axis.compensation.readback.fade is not None
-    if axis.whereabouts is Whereabouts.UNDER_WAY and (fades or not axis.is_at_target(actual.counts)):
+    is_start_unknown = axis.motion.state is MotionState.MOVING and not axis.motion.is_start_known
+    if is_start_unknown and (fades or not axis.motion.is_at_target(actual.counts)):
         return Place(actual.counts, PlaceKind.ON_WAY)
-    return Place(axis.nominal_of(actual.counts), PlaceKind.MEASURED)
+    return Place(axis.motion.nominal_of(actual.counts), PlaceKind.MEASURED)
 
 
 # --- where a distance starts -------------------------------------------------------------------------------
@@ -372,12 +375,12 @@ def _measured(axis: Axis, actual: Actual) -> Place:
 
 def base_of(axis: Axis, action: Action, known: Known) -> Base | None:
     """Return where a relative move starts, as far as is known by now; None where it is not."""
-    if axis.is_distance_unproven or is_place_untold(axis, known):
+    if axis.motion.is_distance_unproven or is_place_untold(axis, known):
         return None
     accepted = axis.compensation.accepted
-    is_certain = axis.has_arrived and action is not Action.RELATIVE_TO_ACTUAL
+    is_certain = axis.motion.has_arrived and action is not Action.RELATIVE_TO_ACTUAL
     if accepted is not None and (action is Action.RELATIVE or is_certain):
-        return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=axis.has_arrived)
+        return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=axis.motion.has_arrived)
     name = axis.plan.name
     standing = known.standing.get(name, Standing.UNTOLD)
     if counts_from_commanded(axis, action):
@@ -411,8 +414,10 @@ def _base_at(axis: Axis, counts: Counts, standing: Standing, *, tolerance: float
     accepted = axis.compensation.accepted
     if accepted is not None and abs(counts - accepted.corrected_counts) <= tolerance:
         return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=True)
-    is_certain = standing is Standing.STANDS or (standing is Standing.SAYS_SO and axis.is_at_target(counts))
+    is_certain = standing is Standing.STANDS or (
+        standing is Standing.SAYS_SO and axis.motion.is_at_target(counts)
+    )
     if not is_certain:
         return None
-    nominal_counts = round(axis.nominal_of(counts))
-    return Base(nominal_counts, counts, is_standing=True, is_assumed=not axis.knows_branch)
+    nominal_counts = round(axis.motion.nominal_of(counts))
+    return Base(nominal_counts, counts, is_standing=True, is_assumed=not axis.motion.knows_branch)

@@ -17,10 +17,11 @@ from gateway.compensation.correction_spec import CorrectionSpec
 from gateway.compensation.readback import Readback
 from gateway.drives.motion import Action, Addressing
 from gateway.exchange.access import Access
-from gateway.exchange.axis.events import AxisRequest, Part
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.axis_request import AxisRequest, Part
+from gateway.exchange.axis.motion import Actual
 from gateway.exchange.axis.registers import ALL_WORDS, FieldImage, mask_of
-from gateway.exchange.axis.state import Actual, Rendering
-from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.meaning import Frame, Meaning, meanings
 from gateway.exchange.unit import NO_HITS, FieldHit, FieldPlace, FieldRole, Hits
 from gateway.modbus.errors import RegisterRangeError
@@ -172,7 +173,7 @@ def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int, follows
             if is_run and is_again:
                 is_again = words is not None and axis.is_repeat(place.number, words)
                 is_again = is_again and axis.may_keep_words(axis.compensation.state.spec)
-                has_last = has_last or place.number == axis.last_number
+                has_last = has_last or place.number == axis.motion.last_number
         writes.append(AxisWrite(axis, meaning, action, fields, cut, is_again and has_last))
     return Request(frame, found, writes, known, now_ns, arrived_ns, follows_ns)
 

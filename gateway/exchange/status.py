@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.beam import BeamState
-from gateway.exchange.axis.state import Actual
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.motion import Actual
 from gateway.exchange.cut_status import cut_status
 from gateway.exchange.line import LineExchange
 from gateway.times import NS_PER_S
@@ -39,6 +39,7 @@ def line_status(line: LineExchange, now_ns: int) -> dict[str, Any]:
         "unknown_modes": counters.unknown_modes,
         "unmapped_reads": counters.unmapped_reads,
         "oversized": counters.oversized,
+        "internal_faults": counters.internal_faults,
         "unit_ids": line.unit_ids_status(now_ns),
         **({} if line.cuts is None else {"cut_through": cut_status(line.cuts)}),
     }
@@ -59,7 +60,7 @@ def axis_status(axis: Axis, now_ns: int) -> dict[str, Any]:
     """Return one axis's part of the status model."""
     settings = axis.plan.settings
     accepted = axis.compensation.accepted
-    actual = _shown(axis.actual, now_ns)
+    actual = _shown(axis.motion.actual, now_ns)
 
     def units(counts: Counts | None) -> float | None:
         if counts is None:
@@ -78,14 +79,14 @@ def axis_status(axis: Axis, now_ns: int) -> dict[str, Any]:
         "correction": correction,
         "nominal_setpoint": units(None if accepted is None else accepted.nominal_counts),
         "corrected_setpoint": units(None if accepted is None else accepted.corrected_counts),
-        "nominal_actual": units(None if actual is None else axis.nominal_of(actual.counts)),
+        "nominal_actual": units(None if actual is None else axis.motion.nominal_of(actual.counts)),
         "corrected_actual": units(None if actual is None else actual.counts),
         "last_actual": _last_actual(axis, units, now_ns),
         "actual_age_s": None if actual is None else round((now_ns - actual.seen_ns) / NS_PER_S, 3),
         "writer": axis.hold.writer if axis.hold.is_held(now_ns) else None,
         "table": _table_status(axis),
         "group": _group_status(axis, now_ns),
-        "terms": None if axis.terms is None else axis.terms.status(axis, now_ns),
+        "terms": None if axis.terms is None else axis.terms.status(axis.compensation, now_ns),
     }
 
 
@@ -93,11 +94,11 @@ def _last_actual(
     axis: Axis, units: Callable[[Counts | None], float | None], now_ns: int
 ) -> dict[str, float | None] | None:
     """Return the newest reading, however old; None: there was none, or it counts no more."""
-    actual = axis.actual
+    actual = axis.motion.actual
     if actual is None:
         return None
     return {
-        "nominal": units(axis.nominal_of(actual.counts)),
+        "nominal": units(axis.motion.nominal_of(actual.counts)),
         "corrected": units(actual.counts),
         "age_s": round((now_ns - actual.seen_ns) / NS_PER_S, 3),
     }
@@ -119,7 +120,7 @@ def compensation_state(axis: Axis) -> str:
         return "off"
     if axis.plan.table is None:
         return "no-table"
-    if not axis.is_referenced:
+    if not axis.reference.is_referenced:
         return "unreferenced"
     if axis.is_dry_run:
         return "shadow"

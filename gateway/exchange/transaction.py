@@ -22,10 +22,10 @@ from gateway.compensation.readback import Readback
 from gateway.compiled import mypyc_attr
 from gateway.exchange.access import only_reads
 from gateway.exchange.added_frames import AddedFrame
-from gateway.exchange.axis.events import Outcome, SteadyTarget
+from gateway.exchange.axis.acknowledge import Outcome, Rendering
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.axis_request import SteadyTarget
 from gateway.exchange.axis.registers import Loss
-from gateway.exchange.axis.state import Rendering
-from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.meaning import Frame

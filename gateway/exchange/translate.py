@@ -11,10 +11,11 @@ from typing import Final
 
 from gateway.drives.motion import Action, Form
 from gateway.exchange.access import MEI_HEAD, Access, swapped
-from gateway.exchange.axis.events import Outcome, Staging
+from gateway.exchange.axis.acknowledge import Outcome, Rendering
+from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
+from gateway.exchange.axis.axis_request import Staging
+from gateway.exchange.axis.motion import Keeping
 from gateway.exchange.axis.registers import Completeness, NextPart
-from gateway.exchange.axis.state import Keeping, Rendering
-from gateway.exchange.axis.transitions import MOVES_OTHERWISE, Axis
 from gateway.exchange.events import EventKind
 from gateway.exchange.meaning import Meaning
 from gateway.exchange.plan import HOMED_BIT
@@ -507,7 +508,8 @@ def _stage(
             rewriting.of(axis).buffered_parts.append(part)
         return []
     mask = mask_written(hit, request.frame.pdu, rewriting.access)
-    kept = axis.retained if axis.keeping(hit.place.number, words) is Keeping.SAME_WORDS else None
+    motion = axis.motion
+    kept = motion.superseded if motion.keeping(hit.place.number, words) is Keeping.SAME_WORDS else None
     waits_for_other_words = bool(axis.plan.motion.starts_on) and not hit.is_whole
     is_complete = _is_complete(hit, rewriting.access) or axis.writes_words_alone
     if waits_for_other_words or (axis.passes_unchanged and is_complete and kept is None):
@@ -537,7 +539,7 @@ def _foreseen(request: Request, meaning: Meaning, hit: FieldHit, words: bytes) -
     is_kept &= axis.plan.added_frames
     if is_kept and image.nominal_words == words and image.corrected_words is not None and not image.is_torn:
         return image.corrected_words
-    if axis.keeping(number, words) is Keeping.UNSEEN:
+    if axis.motion.keeping(number, words) is Keeping.UNSEEN:
         return words  # its trigger is refused until a reading tells what it is
     action, is_certain = _expected(meaning, number)
     try:

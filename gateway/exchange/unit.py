@@ -5,8 +5,8 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from gateway.drives.motion import Addressing
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.registers import FieldImage
-from gateway.exchange.axis.transitions import Axis
 from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField
 
 CACHE_LIMIT: Final = 2048
@@ -112,7 +112,7 @@ class UnitMap:
         self.axes = tuple(axes)
         self.has_rules = any(axis.plan.has_rules or axis.peers for axis in self.axes)
         """Whether a frame may mean something else than positions to be gone to at once, or for its group."""
-        self.asks_for_bits = any(axis.hangs_on_a_bit for axis in self.axes)
+        self.asks_for_bits = any(axis.reference.hangs_on_a_bit for axis in self.axes)
         """Whether a status bit may have to be read before positions pass."""
         self._places = tuple(place for axis in self.axes for place in _places(axis))
         self._bits = tuple((axis, name, bit) for axis in self.axes for name, bit in axis.plan.bits.items())

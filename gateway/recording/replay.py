@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.groups import join_terms
 from gateway.exchange.axis.record import Record, digest_of_axis
 from gateway.exchange.axis.record_layout import RECORD_SIZE, RecordSlots
-from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.commands import SetReference
 from gateway.exchange.control import ControlError
 from gateway.exchange.events import Event
@@ -243,7 +243,7 @@ class _Drives:
                 for word in range(field_.words):
                     place = unit_id, field_.address + word
                     self._words[place] = int.from_bytes(data[2 * word : 2 * word + 2], "big")
-            bit = axis.plan.bits.get(axis.homed_bit)
+            bit = axis.plan.bits.get(axis.reference.bit)
             if bit is not None and at.is_referenced is not bit.is_inverted:
                 is_word = bit.table is BitTable.REGISTER
                 self._words[unit_id, bit.address] = self._words.get((unit_id, bit.address), 0) | (

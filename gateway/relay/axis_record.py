@@ -15,9 +15,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.record import FindTable, Record, digest_of_axis
 from gateway.exchange.axis.record_layout import RECORD_SIZE, RecordSlots, header, why_not_readable
-from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.plan import CompensationMode
 
 SUFFIX: Final = ".record"

@@ -19,8 +19,8 @@ from gateway.catalogue.line_events import (
 from gateway.clock import boot_ns
 from gateway.compensation.settings import Gain
 from gateway.compensation.table import CorrectionTable
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.record import FindTable
-from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.commands import (
     ClearTable,
     Command,
@@ -351,9 +351,9 @@ class Line:
             traffic.AxisAt(
                 axis.plan.name,
                 records.get(axis.plan.name, b""),
-                None if axis.actual is None else float(axis.actual.counts),
-                axis.is_found,
-                axis.reference_seen_ns,
+                None if axis.motion.actual is None else float(axis.motion.actual.counts),
+                axis.reference.is_found,
+                axis.reference.bit_seen_ns,
             )
             for axis in self._exchange.axes
         )

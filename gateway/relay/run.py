@@ -56,6 +56,7 @@ LINE_FIELDS: Final = (
     "restaged",
     "unknown_modes",
     "unmapped_reads",
+    "internal_faults",
     "crc_errors",
     "dropped_bytes",
     "malformed",

@@ -11,7 +11,7 @@ from typing import Final, Generic, TypeVar
 from gateway.catalogue import troubles as kinds
 from gateway.catalogue.entry import Severity
 from gateway.exchange.answers import Reach, Silence
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import OwnUnit
 from gateway.exchange.status import compensation_state, direction_state
@@ -111,7 +111,7 @@ class OfAxis:
         """Return the bits of the register ``flags``."""
         axis = self.axis
         bits = (
-            axis.is_referenced,
+            axis.reference.is_referenced,
             axis.is_enabled,
             self.silent_s != 0,
             axis.compensation.accepted is not None,

@@ -10,7 +10,7 @@ from gateway.budget.sequence import Blocks, Step, What, least_target_registers, 
 from gateway.budget.verdict import Grade, judge
 from gateway.drives.library import names
 from gateway.drives.motion import Form
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.cut_requests import shape_of
 from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import ReadPath

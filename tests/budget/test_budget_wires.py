@@ -13,7 +13,7 @@ from gateway.budget.wire import Wire, wire_of
 from gateway.drives.library import names
 from gateway.drives.motion import Form
 from gateway.exchange.added_frames import AddedFrame, Purpose, read_field
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.modbus.lengths import UNTIL_SILENCE, request_length
 from gateway.modbus.rtu import encode_rtu
 from gateway.simulator.pacing import PacedWire

@@ -17,7 +17,7 @@ NOT_COMPILED: Final = {
 @pytest.mark.skipif(is_compiled(), reason="calls of compiled functions are not seen")
 def test_each_file_that_a_position_command_touches_is_compiled() -> None:
     touched = files_of_positions(ROOT)
-    assert {"exchange/line.py", "exchange/axis/transitions.py", "relay/controller_port.py"} <= touched
+    assert {"exchange/line.py", "exchange/axis/motion.py", "relay/controller_port.py"} <= touched
     compiled = {name.removeprefix("gateway/") for name in modules(ROOT / "gateway")}
     left = touched - compiled - set(PLAIN) - NOT_COMPILED.keys()
     assert not left, f"PATTERNS in tools/compiled.py has to name {sorted(left)}"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.exchange.axis.state import Referenced
+from gateway.exchange.axis.reference import ReferenceState
 from gateway.exchange.plan import ControllerPlan, Reference, Role
 from tests.drives.test_public_traffic import Machine
 from tests.exchange.line_bench import Port
@@ -81,4 +81,4 @@ def test_m9_homing_is_seen_among_coils_that_are_let_go_of() -> None:
     machine = Machine("smc-lec", referenced=Reference.HOMING)
     assert machine.ask(frame(SETUP_IMAGE)) == frame(SETUP_IMAGE)[:5]
     [axis] = machine.line.axes
-    assert axis.reference is Referenced.HOMING
+    assert axis.reference.state is ReferenceState.HOMING

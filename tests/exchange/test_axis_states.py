@@ -7,90 +7,77 @@ from typing import Final
 import pytest
 
 from gateway.compensation.moves import Accepted
+from gateway.compiled import is_compiled
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, read_word
-from gateway.exchange.axis.events import (
-    AxisRequest,
-    BlockEvent,
-    Command,
-    Happening,
-    Outcome,
-    ReferenceEvent,
-)
-from gateway.exchange.axis.state import (
-    AT_REST,
-    FOUND,
-    HOMING,
-    IN_DOUBT,
-    TARGETED,
-    Block,
-    Referenced,
-    Rendering,
-    Whereabouts,
-)
-from gateway.exchange.axis.transitions import (
-    BLOCK_AFTER,
+from gateway.exchange.axis import impossible
+from gateway.exchange.axis.acknowledge import ON_WIRE_AFTER, OnWire, Outcome, Rendering, WireEvent
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.axis_request import AxisRequest, Command
+from gateway.exchange.axis.impossible import ImpossibleEventError
+from gateway.exchange.axis.interlock import BLOCK_AFTER, Block, BlockEvent
+from gateway.exchange.axis.motion import MOTION_AFTER, TARGETED, MotionEvent, MotionState
+from gateway.exchange.axis.reference import (
     REFERENCE_AFTER,
     REFERENCE_AT_START,
-    WHEREABOUTS_AFTER,
-    Axis,
+    ReferenceEvent,
+    ReferenceState,
 )
+from gateway.exchange.events import EventKind
 from gateway.exchange.plan import ControllerPlan, Reference
 from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase, Stopping, Transaction
 from gateway.modbus.registers import BitField
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Port, axis_plan
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan
 
 # --- where the axis is -------------------------------------------------------------------------------------
 
 PLACES: Final = {
-    "?": Whereabouts.UNKNOWN,
-    "S": Whereabouts.STOPPED,
-    "H": Whereabouts.RETAINED,
-    "O": Whereabouts.OUT_OF_REACH,
-    "u": Whereabouts.UNPROVEN,
-    "r": Whereabouts.UNPROVEN_AT_REST,
-    "w": Whereabouts.UNDER_WAY,
-    "s": Whereabouts.SET_OUT,
-    "d": Whereabouts.DONE_SAID,
-    "t": Whereabouts.SEEN_THERE,
-    "A": Whereabouts.ARRIVED,
-    "L": Whereabouts.MAY_HAVE_LEFT,
-    "a": Whereabouts.STANDS_AGAIN,
+    "?": MotionState.UNKNOWN,
+    "S": MotionState.STOPPED,
+    "K": MotionState.SUPERSEDED,
+    "u": MotionState.UNACKNOWLEDGED,
+    "w": MotionState.MOVING,
+    "d": MotionState.DONE_REPORTED,
+    "t": MotionState.IN_WINDOW,
+    "A": MotionState.ARRIVED,
+    "L": MotionState.MAY_HAVE_LEFT,
+    "a": MotionState.AT_REST,
 }
 WALK: Final = """
-                    ? S H O u r w s d t A L a
-acknowledged        w w w w w w w w w w w w w
-acknowledged-at-rest s s s s s s s s s s s s s
-unacknowledged      u u u u u u u u u u u u u
-ran-not             . . . . w w . . . . . . .
-stopped             ? S ? ? ? ? S S S S S S S
-displaced           ? ? ? ? ? ? ? ? ? ? ? ? ?
-out-of-reach        ? ? . . ? ? O O O O O O O
-reference-changed   . . H H . . H H H H H H H
-done                . . . . r . d d . A . a .
-done-alone          . . . . r . A A . . . . .
-fell                . . . . . . . . L . L . L
-there               . . . . . . t t A . . . A
-near                . . . . . . . . . w a . .
-away                . . ? ? . . . . ? ? ? ? ?
+                    ? S K u w d t A L a
+acknowledged        w w w w w w w w w w
+not-acknowledged    u u u u u u u u u u
+not-executed        x x x w x x x x x x
+stopped             ? S ? ? S S S S S S
+displaced           ? ? ? ? ? ? ? ? ? ?
+link-lost           x x K x K K K K K K
+reference-changed   x x K x K K K K K K
+done                . . . u d . A . a .
+done-alone          . . . u A x x . . x
+not-done            . . . . . L . L . L
+in-window           . x x x t A . . . A
+beside              x x x x . . w a . .
+elsewhere           x x ? x . ? ? ? ? ?
 """
-"""By hand, from M4 to M6 and M9: a letter is where the axis is then, a dot where nothing changes."""
+"""By hand, from M4 to M6 and M9: a letter is where the axis is then, a dot where nothing changes, an x what
+cannot be."""
 
 
-def _walk() -> dict[tuple[Whereabouts, Happening], Whereabouts]:
+def _walk() -> dict[tuple[MotionState, MotionEvent], MotionState | None]:
     head, *rows = WALK.strip("\n").splitlines()
     columns = [PLACES[letter] for letter in head.split()]
-    found = {}
+    found: dict[tuple[MotionState, MotionEvent], MotionState | None] = {}
     for row in rows:
         name, *cells = row.split()
         for place, cell in zip(columns, cells, strict=True):
-            if cell != ".":
-                found[place, Happening(name)] = PLACES[cell]
+            if cell != "x":
+                found[place, MotionEvent(name)] = None if cell == "." else PLACES[cell]
     return found
 
 
-def test_the_table_of_whereabouts_is_what_the_rules_say() -> None:
-    assert _walk() == WHEREABOUTS_AFTER
+def test_the_table_of_motion_is_what_the_rules_say() -> None:
+    assert {(place, e): then for place, row in MOTION_AFTER.items() for e, then in row.items()} == _walk()
+    assert list(MOTION_AFTER) == list(MotionState)
 
 
 DONE_BIT: Final = {"done": BitField(0x30, 0)}
@@ -135,132 +122,132 @@ def leave_unproven(axis: Axis) -> None:
     axis.leave_unproven(target(axis, 70_000, is_distance=True), 1 * MS)
 
 
-REACHED: Final[dict[Whereabouts, tuple[Callable[[Axis], None], ...]]] = {
-    Whereabouts.UNKNOWN: (acknowledge, lambda axis: do(axis, Action.OTHER_MOTION)),
-    Whereabouts.STOPPED: (acknowledge, lambda axis: do(axis, Action.STOP)),
-    Whereabouts.RETAINED: (acknowledge, lambda axis: axis.wait_for_peers(waits=True)),
-    Whereabouts.OUT_OF_REACH: (acknowledge, lambda axis: axis.lose_link(2 * MS)),
-    Whereabouts.UNPROVEN: (leave_unproven,),
-    Whereabouts.UNPROVEN_AT_REST: (leave_unproven, lambda axis: axis.observe_done(3 * MS, is_done=True)),
-    Whereabouts.UNDER_WAY: (acknowledge,),
-    Whereabouts.SET_OUT: (
-        lambda axis: acknowledge(axis, 40_000),
-        lambda axis: do(axis, Action.STOP),
-        acknowledge,
+def done(at_ms: int, *, is_done: bool = True) -> Callable[[Axis], None]:
+    return lambda axis: axis.motion.observe_done(at_ms * MS, is_done=is_done)
+
+
+REACHED: Final[dict[str, tuple[MotionState, tuple[Callable[[Axis], None], ...]]]] = {
+    "unknown": (MotionState.UNKNOWN, (acknowledge, lambda axis: do(axis, Action.OTHER_MOTION))),
+    "stopped": (MotionState.STOPPED, (acknowledge, lambda axis: do(axis, Action.STOP))),
+    "unreferenced": (MotionState.SUPERSEDED, (acknowledge, lambda axis: axis.wait_for_peers(waits=True))),
+    "out-of-reach": (MotionState.SUPERSEDED, (acknowledge, lambda axis: axis.lose_link(2 * MS))),
+    "unacknowledged": (MotionState.UNACKNOWLEDGED, (leave_unproven,)),
+    "unacknowledged-done": (MotionState.UNACKNOWLEDGED, (leave_unproven, done(3))),
+    "moving": (MotionState.MOVING, (acknowledge,)),
+    "moving-from-a-known-start": (
+        MotionState.MOVING,
+        (lambda axis: acknowledge(axis, 40_000), lambda axis: do(axis, Action.STOP), acknowledge),
     ),
-    Whereabouts.DONE_SAID: (acknowledge, lambda axis: axis.observe_done(3 * MS, is_done=True)),
-    Whereabouts.SEEN_THERE: (acknowledge, lambda axis: see(axis, 50_010)),
-    Whereabouts.ARRIVED: (
-        acknowledge,
-        lambda axis: axis.observe_done(3 * MS, is_done=True),
-        lambda axis: see(axis, 50_010),
-    ),
-    Whereabouts.MAY_HAVE_LEFT: (
-        acknowledge,
-        lambda axis: axis.observe_done(3 * MS, is_done=True),
-        lambda axis: axis.observe_done(4 * MS, is_done=False),
-    ),
-    Whereabouts.STANDS_AGAIN: (
-        acknowledge,
-        lambda axis: axis.observe_done(3 * MS, is_done=True),
-        lambda axis: axis.observe_done(4 * MS, is_done=False),
-        lambda axis: axis.observe_done(4 * MS, is_done=True),
-    ),
+    "done-reported": (MotionState.DONE_REPORTED, (acknowledge, done(3))),
+    "in-window": (MotionState.IN_WINDOW, (acknowledge, lambda axis: see(axis, 50_010))),
+    "arrived": (MotionState.ARRIVED, (acknowledge, done(3), lambda axis: see(axis, 50_010))),
+    "may-have-left": (MotionState.MAY_HAVE_LEFT, (acknowledge, done(3), done(4, is_done=False))),
+    "at-rest": (MotionState.AT_REST, (acknowledge, done(3), done(4, is_done=False), done(4))),
 }
-CAUSED: Final[dict[Happening, Callable[[Axis], None]]] = {
-    Happening.UNACKNOWLEDGED: leave_unproven,
-    Happening.STOPPED: lambda axis: do(axis, Action.STOP),
-    Happening.DISPLACED: lambda axis: do(axis, Action.OTHER_MOTION),
-    Happening.OUT_OF_REACH: lambda axis: axis.lose_link(5 * MS),
-    Happening.DONE: lambda axis: axis.observe_done(6 * MS, is_done=True),
-    Happening.FELL: lambda axis: axis.observe_done(6 * MS, is_done=False),
-    Happening.THERE: lambda axis: see(axis, 50_010),
-    Happening.AWAY: lambda axis: see(axis, 0),
+"""Each state, with what it may bring along, and what leads there."""
+CAUSED: Final[dict[MotionEvent, Callable[[Axis], None]]] = {
+    MotionEvent.NOT_ACKNOWLEDGED: leave_unproven,
+    MotionEvent.STOPPED: lambda axis: do(axis, Action.STOP),
+    MotionEvent.DISPLACED: lambda axis: do(axis, Action.OTHER_MOTION),
+    MotionEvent.LINK_LOST: lambda axis: axis.lose_link(5 * MS),
+    MotionEvent.DONE: lambda axis: axis.motion.observe_done(6 * MS, is_done=True),
+    MotionEvent.NOT_DONE: lambda axis: axis.motion.observe_done(6 * MS, is_done=False),
+    MotionEvent.IN_WINDOW: lambda axis: see(axis, 50_010),
+    MotionEvent.ELSEWHERE: lambda axis: see(axis, 0),
 }
 
 
 def check(axis: Axis) -> None:
-    """What belongs to a place is there in it, and only in it."""
-    assert (axis.compensation.accepted is not None) is (axis.whereabouts in TARGETED)
-    assert (axis.retained is not None) is (
-        axis.whereabouts in (Whereabouts.RETAINED, Whereabouts.OUT_OF_REACH)
-    )
-    unproven = (Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST)
-    assert (axis.unproven is not None) is (axis.whereabouts in unproven)
+    """What belongs to a state is there in it, and only in it."""
+    motion = axis.motion
+    assert (axis.compensation.accepted is not None) is (motion.state in TARGETED)
+    assert (motion.superseded is not None) is (motion.state is MotionState.SUPERSEDED)
+    assert (motion.unacknowledged is not None) is (motion.state is MotionState.UNACKNOWLEDGED)
+    assert motion.state is MotionState.UNACKNOWLEDGED or not motion.has_reported_done
+    assert motion.state is MotionState.MOVING or not motion.is_start_known
 
 
-@pytest.mark.parametrize(
-    ("place", "happening"), list(product(REACHED, CAUSED)), ids=lambda each: str(each.value)
-)
-def test_each_happening_is_taken_in_each_place(place: Whereabouts, happening: Happening) -> None:
+@pytest.mark.parametrize(("way", "event"), list(product(REACHED, CAUSED)))
+def test_each_event_is_taken_in_each_state(way: str, event: MotionEvent) -> None:
     axis = an_axis()
-    for step in REACHED[place]:
+    place, steps = REACHED[way]
+    for step in steps:
         step(axis)
         check(axis)
-    assert axis.whereabouts is place
-    CAUSED[happening](axis)
+    assert axis.motion.state is place
+    CAUSED[event](axis)
     check(axis)
-    after = _walk().get((place, happening), place)
-    if (place, happening) == (Whereabouts.UNPROVEN_AT_REST, Happening.FELL):
-        after = Whereabouts.UNPROVEN_AT_REST
-    assert axis.whereabouts is after
+    after = _walk().get((place, event)) or place
+    if event is MotionEvent.LINK_LOST and (place, event) not in _walk():
+        after = MotionState.UNKNOWN  # no target is kept: it is displaced
+    assert axis.motion.state is after
+    was_done = way == "unacknowledged-done" or (way, event) == ("unacknowledged", MotionEvent.DONE)
+    if event in (MotionEvent.DONE, MotionEvent.NOT_DONE, MotionEvent.IN_WINDOW, MotionEvent.ELSEWHERE):
+        assert axis.motion.has_reported_done is was_done
 
 
-SETS_OUT: Final = """
-        ? S H O u r w s d t A L a
-seen    w s w w w w w w s s s s s
-unseen  w s w w w w w w w s s w w
-"""
-"""From M6, by hand: whether it is known where an axis sets out, for a target that is another one. A place in
-which it was seen to be at its target is known in either row."""
+SETS_OUT: Final = {
+    # way: where it sets out is known, of an axis that was seen since, of one that was not
+    "unknown": (False, False),
+    "stopped": (True, True),
+    "unreferenced": (False, False),
+    "out-of-reach": (False, False),
+    "unacknowledged": (False, False),
+    "unacknowledged-done": (False, False),
+    "moving": (False, False),
+    "moving-from-a-known-start": (False, False),
+    "done-reported": (True, False),
+    "in-window": (True, True),
+    "arrived": (True, True),
+    "may-have-left": (True, False),
+    "at-rest": (True, False),
+}
+"""From M6, by hand: whether it is known where an axis sets out, for a target that is another one. A state in
+which it was seen to be at its target is known in either case."""
 
 
-@pytest.mark.parametrize("place", list(REACHED), ids=lambda each: str(each.value))
-@pytest.mark.parametrize("row", ["seen", "unseen"])
-def test_an_axis_sets_out_from_where_it_is_known_to_stand_or_from_nowhere(
-    place: Whereabouts, row: str
-) -> None:
+@pytest.mark.parametrize("way", list(REACHED))
+@pytest.mark.parametrize("is_seen", [True, False])
+def test_an_axis_sets_out_from_where_it_is_known_to_stand_or_from_nowhere(way: str, is_seen: bool) -> None:
     axis = an_axis()
-    for step in REACHED[place]:
+    for step in REACHED[way][1]:
         step(axis)
-    if row == "seen":
+    if is_seen:
         axis.compensation.observe(50_010)
     acknowledge(axis, 55_000)
     check(axis)
-    head, *rows = (line.split() for line in SETS_OUT.strip("\n").splitlines())
-    [letters] = [cells[1:] for cells in rows if cells[0] == row]
-    assert axis.whereabouts is PLACES[letters[[PLACES[letter] for letter in head].index(place)]]
-    if place is Whereabouts.RETAINED:
-        assert not axis.is_referenced  # it passes 1:1, and is gone to all the same
+    assert axis.motion.state is MotionState.MOVING
+    assert axis.motion.is_start_known is SETS_OUT[way][0 if is_seen else 1]
+    if way == "unreferenced":
+        assert not axis.reference.is_referenced  # it passes 1:1, and is gone to all the same
 
 
 def test_the_same_target_once_more_makes_an_axis_set_out_from_nowhere_else() -> None:
     axis = an_axis()
-    for step in REACHED[Whereabouts.SET_OUT]:
+    for step in REACHED["moving-from-a-known-start"][1]:
         step(axis)
-    for counts, place in ((50_000, Whereabouts.SET_OUT), (55_000, Whereabouts.UNDER_WAY)):
+    for counts, is_known in ((50_000, True), (55_000, False)):
         acknowledge(axis, counts)
-        assert axis.whereabouts is place
+        assert axis.motion.state is MotionState.MOVING
+        assert axis.motion.is_start_known is is_known
 
 
 def test_done_alone_is_arrival_where_no_position_is_mapped() -> None:
     axis = an_axis(has_actual=False)
     acknowledge(axis)
-    axis.observe_done(3 * MS, is_done=True)
-    assert axis.whereabouts is Whereabouts.ARRIVED
+    axis.motion.observe_done(3 * MS, is_done=True)
+    assert axis.motion.state is MotionState.ARRIVED
 
 
-@pytest.mark.parametrize(
-    ("was_done", "after"), [(False, Whereabouts.SEEN_THERE), (True, Whereabouts.ARRIVED)]
-)
-def test_a_distance_that_did_not_run_leaves_the_axis_at_its_start(was_done: bool, after: Whereabouts) -> None:
+@pytest.mark.parametrize(("was_done", "after"), [(False, MotionState.IN_WINDOW), (True, MotionState.ARRIVED)])
+def test_a_distance_that_did_not_run_leaves_the_axis_at_its_start(was_done: bool, after: MotionState) -> None:
     axis = an_axis()
     leave_unproven(axis)
     if was_done:
-        axis.observe_done(3 * MS, is_done=True)
+        axis.motion.observe_done(3 * MS, is_done=True)
     see(axis, 1010)
     assert axis.compensation.accepted == Accepted(1000, 1010)
-    assert axis.whereabouts is after
+    assert axis.motion.state is after
     check(axis)
 
 
@@ -269,73 +256,113 @@ def test_a_distance_that_ran_leaves_it_at_its_end() -> None:
     leave_unproven(axis)
     see(axis, 70_010)
     assert axis.compensation.accepted == Accepted(70_000, 70_010)
-    assert axis.whereabouts is Whereabouts.SEEN_THERE
+    assert axis.motion.state is MotionState.IN_WINDOW
     check(axis)
 
 
 @pytest.mark.parametrize(
     ("outcome", "code", "after"),
     [
-        (Outcome.ACKNOWLEDGED, 0, Whereabouts.UNKNOWN),
-        (Outcome.NO_REPLY, 0x0B, Whereabouts.UNKNOWN),
-        (Outcome.EXCEPTION, 4, Whereabouts.UNKNOWN),
-        (Outcome.EXCEPTION, 1, Whereabouts.UNDER_WAY),  # what a drive does not know it has not done
+        (Outcome.ACKNOWLEDGED, 0, MotionState.UNKNOWN),
+        (Outcome.NO_REPLY, 0x0B, MotionState.UNKNOWN),
+        (Outcome.EXCEPTION, 4, MotionState.UNKNOWN),
+        (Outcome.EXCEPTION, 1, MotionState.MOVING),  # what a drive does not know it has not done
     ],
 )
 def test_a_distance_that_passed_unchanged_leaves_nobody_knowing_where_the_axis_is(
-    outcome: Outcome, code: int, after: Whereabouts
+    outcome: Outcome, code: int, after: MotionState
 ) -> None:
     axis = an_axis()
     acknowledge(axis)
     request = AxisRequest(0)
     request.goes_unknown = True
     axis.finish(request, outcome, code, 9 * MS)
-    assert axis.whereabouts is after
+    assert axis.motion.state is after
     check(axis)
 
 
 def test_a_sample_of_before_the_motion_shows_nothing() -> None:
     axis = an_axis()
     acknowledge(axis)
-    axis.observe_done(1 * MS - 1, is_done=True)
+    axis.motion.observe_done(1 * MS - 1, is_done=True)
     axis.observe_actual(ACTUAL, ACTUAL.pack(50_010), 1 * MS - 1)
-    assert axis.whereabouts is Whereabouts.UNDER_WAY
+    assert axis.motion.state is MotionState.MOVING
 
 
-def test_an_axis_is_at_rest_only_where_something_says_so() -> None:
-    assert {place for place in Whereabouts if place not in AT_REST} == {
-        Whereabouts.UNKNOWN,
-        Whereabouts.STOPPED,
-        Whereabouts.RETAINED,
-        Whereabouts.OUT_OF_REACH,
-        Whereabouts.UNPROVEN,
-        Whereabouts.UNDER_WAY,
-        Whereabouts.SET_OUT,
-    }
+@pytest.mark.parametrize("way", list(REACHED))
+def test_an_axis_is_at_rest_only_where_something_says_so(way: str) -> None:
+    axis = an_axis()
+    for step in REACHED[way][1]:
+        step(axis)
+    says_so = {"unacknowledged-done", "done-reported", "in-window", "arrived", "may-have-left", "at-rest"}
+    assert axis.motion.is_at_rest is (way in says_so)
+
+
+# --- what cannot be ----------------------------------------------------------------------------------------
+
+
+def test_what_cannot_be_is_raised_in_a_test() -> None:
+    axis = an_axis()
+    with pytest.raises(ImpossibleEventError, match="motion: beside cannot be in unknown"):
+        axis.motion.happens(MotionEvent.BESIDE)
+    with pytest.raises(ImpossibleEventError, match="reference: silence cannot be in referenced"):
+        axis.reference.happens(ReferenceEvent.SILENCE)
+
+
+def test_what_cannot_be_is_told_counted_and_taken_for_the_worst_at_a_machine(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    if is_compiled():
+        pytest.skip("the switch is no attribute of what is compiled")
+    monkeypatch.setattr(impossible, "_is_raised", False)
+    bench = Bench(axis_plan(bits={"homed": BitField(0x30, 0)}, referenced=Reference.DRIVE_BIT))
+    axis = bench.line.axes[0]
+
+    def now() -> tuple[MotionState, bool, bool, bool]:
+        check(axis)
+        reference = axis.reference
+        return (
+            axis.motion.state,
+            reference.is_referenced,
+            reference.is_unconfirmed,
+            axis.interlock.is_blocked,
+        )
+
+    axis.see_homed_bit(0, is_set=True)
+    acknowledge(axis)
+    assert now() == (MotionState.MOVING, True, False, False)
+    axis.motion.happens(MotionEvent.NOT_EXECUTED)
+    assert now() == (MotionState.UNKNOWN, False, True, True)  # the bit is read before positions pass
+    axis.see_homed_bit(5 * MS, is_set=True)
+    write_whole(axis, epoch=axis.interlock.epoch)
+    assert now() == (MotionState.UNKNOWN, True, False, False)
+    bench.ask(b"\x03\x00\x50\x00\x01")
+    told = [each for each in bench.events if each.kind is EventKind.INTERNAL_FAULT]
+    assert [each.detail for each in told] == ["motion: not-executed cannot be in moving"]
+    assert bench.line.counters.internal_faults == 1
 
 
 # --- whether it knows where it is --------------------------------------------------------------------------
 
 REFERENCES: Final = {
-    "U": Referenced.UNTOLD,
-    "V": Referenced.UNTOLD_HOMING,
-    "l": Referenced.LOST,
-    "L": Referenced.LOST_IN_DOUBT,
-    "h": Referenced.HOMING,
-    "H": Referenced.HOMING_IN_DOUBT,
-    "f": Referenced.FOUND,
-    "F": Referenced.FOUND_IN_DOUBT,
+    "l": ReferenceState.NOT_REFERENCED,
+    "h": ReferenceState.HOMING,
+    "f": ReferenceState.REFERENCED,
 }
 REFERENCE_WALK: Final = {
     Reference.ABSOLUTE: """
                  l f
+    homing       . .
+    other-motion . .
     set-at-rest  . l
     set-moving   . l
+    loss         . .
     declared     f .
     """,
     Reference.SET_POSITION: """
                  l f
     homing       . l
+    other-motion . .
     set-at-rest  f .
     set-moving   . l
     loss         . l
@@ -343,7 +370,7 @@ REFERENCE_WALK: Final = {
     """,
     Reference.HOMING: """
                  l h f
-    bit-set      . f .
+    bit-set      x f x
     homing       h . h
     other-motion . l .
     set-at-rest  . l l
@@ -352,60 +379,72 @@ REFERENCE_WALK: Final = {
     declared     f f .
     """,
     Reference.DRIVE_BIT: """
-                 U V l L H f F
-    bit-set      f f f f f . f
-    bit-clear    l l . l l l l
-    homing       V . H H . H H
-    other-motion . U . . L . .
-    set-at-rest  . U L . L L L
-    set-moving   . U L . L L L
-    loss         . U L . L F .
-    silence      . . L . . F .
+                 l h f
+    bit-set      f f .
+    bit-clear    . l l
+    homing       h . h
+    other-motion . l .
+    set-at-rest  . l l
+    set-moving   . l l
+    loss         . l .
+    silence      . . .
     """,
 }
-"""By hand, from M9: capital letters are to be asked before positions pass."""
+"""By hand, from M9; a dot where the state stays, x and rows that are not there: what cannot be."""
 
 
 @pytest.mark.parametrize("kind", Reference)
 def test_the_table_of_references_is_what_the_rules_say(kind: Reference) -> None:
     head, *rows = REFERENCE_WALK[kind].strip().splitlines()
     columns = [REFERENCES[letter] for letter in head.split()]
-    expected = {}
+    expected: dict[tuple[ReferenceState, ReferenceEvent], ReferenceState | None] = {}
     for row in rows:
         name, *cells = row.split()
         for state, cell in zip(columns, cells, strict=True):
-            if cell != ".":
-                expected[ReferenceEvent(name), state] = REFERENCES[cell]
-    changes = {
-        (event, state): after
-        for event, by_state in REFERENCE_AFTER[kind].items()
-        for state, after in by_state.items()
-        if after is not state and state in columns  # no other one is ever reached
-    }
-    assert changes == expected
+            if cell != "x":
+                expected[state, ReferenceEvent(name)] = None if cell == "." else REFERENCES[cell]
+    table = REFERENCE_AFTER[kind]
+    assert {(state, e): then for state, row in table.items() for e, then in row.items()} == expected
     assert REFERENCE_AT_START[kind] in columns
-    assert set(changes.values()) <= set(columns)
 
 
-def test_every_state_of_a_reference_is_one_thing() -> None:
-    assert not FOUND & HOMING
-    assert {Referenced.UNTOLD, Referenced.UNTOLD_HOMING} <= IN_DOUBT
+UNCONFIRMED: Final = """
+             u c
+bit-set      c c
+bit-clear    c c
+homing       u u
+other-motion u c
+set-at-rest  u u
+set-moving   u u
+loss         u u
+silence      u u
+"""
+"""By hand, from M9: whether the bit of the drive has to be read before positions pass, whatever the state."""
+
+
+@pytest.mark.parametrize("row", UNCONFIRMED.strip("\n").splitlines()[1:])
+@pytest.mark.parametrize("first", [None, ReferenceEvent.BIT_SET, ReferenceEvent.BIT_CLEAR])
+def test_a_bit_that_decides_is_read_again_after_all_that_may_have_changed_it(
+    row: str, first: ReferenceEvent | None
+) -> None:
+    name, unconfirmed, confirmed = row.split()
+    reference = Axis(axis_plan(bits=DONE_BIT, referenced=Reference.DRIVE_BIT)).reference
+    if first is not None:
+        reference.happens(first)
+    assert (reference.is_unconfirmed, reference.was_told) == (first is None, first is not None)
+    reference.happens(ReferenceEvent(name))
+    assert reference.is_unconfirmed is ((unconfirmed if first is None else confirmed) == "u")
+    assert reference.was_told is (first is not None or name.startswith("bit-"))
 
 
 @pytest.mark.parametrize("kind", Reference)
 def test_no_state_leads_nowhere(kind: Reference) -> None:
-    """From each state that is reached there is a way to be referenced."""
+    """From each state there is a way to be referenced, and each is come to."""
     after = REFERENCE_AFTER[kind]
-    reached = {REFERENCE_AT_START[kind]}
-    while True:
-        more = {by_state[s] for by_state in after.values() for s in reached if s in by_state} - reached
-        if not more:
-            break
-        reached |= more
-    for state in reached:
+    for state in after:
         ways = {state}
-        while not ways & FOUND:
-            more = {by_state[s] for by_state in after.values() for s in ways if s in by_state} - ways
+        while ReferenceState.REFERENCED not in ways:
+            more = {then for each in ways for then in after[each].values() if then is not None} - ways
             assert more, state
             ways |= more
 
@@ -420,7 +459,7 @@ BLOCKED: Final[dict[Block, tuple[Callable[[Axis], None], ...]]] = {
 BLOCK_CAUSED: Final[dict[BlockEvent, Callable[[Axis], None]]] = {
     BlockEvent.LOST: lambda axis: axis.block_triggers(6, "lost"),
     BlockEvent.LOST_OF_GROUP: lambda axis: axis.block_triggers(6, "lost", is_own=False),
-    BlockEvent.COMPLETED: lambda axis: write_whole(axis, epoch=axis.epoch),
+    BlockEvent.COMPLETED: lambda axis: write_whole(axis, epoch=axis.interlock.epoch),
 }
 BLOCK_WALK: Final = {
     (Block.NONE, BlockEvent.LOST): Block.OWN,
@@ -456,24 +495,45 @@ def test_each_loss_blocks_and_each_complete_target_lets_go(block: Block, event: 
     axis = an_axis()
     for step in BLOCKED[block]:
         step(axis)
-    assert axis.block is block
+    assert axis.interlock.block is block
     BLOCK_CAUSED[event](axis)
-    assert axis.block is BLOCK_WALK[block, event]
-    assert BLOCK_AFTER.get((block, event), block) is BLOCK_WALK[block, event]
+    assert axis.interlock.block is BLOCK_WALK[block, event]
+    assert (BLOCK_AFTER[block][event] or block) is BLOCK_WALK[block, event]
     if block is not Block.NONE:
-        assert axis.block_code == 4  # that of the loss which blocked it
+        assert axis.interlock.block_code == 4  # that of the loss which blocked it
     told = {
         (True, False): ["axis-blocked"],
         (False, True): ["axis-released"],
-    }.get((block is Block.NONE, axis.block is Block.NONE), [])
+    }.get((block is Block.NONE, axis.interlock.block is Block.NONE), [])
     assert [each.kind.value for each in axis.take_events()][len(BLOCKED[block]) :] == told
 
 
 def test_what_was_sent_before_a_loss_does_not_let_go_of_its_block() -> None:
     axis = an_axis()
     axis.block_triggers(4, "lost")
-    write_whole(axis, epoch=axis.epoch - 1)
-    assert axis.block is Block.OWN
+    write_whole(axis, epoch=axis.interlock.epoch - 1)
+    assert axis.interlock.block is Block.OWN
+
+
+# --- what is on the wire -----------------------------------------------------------------------------------
+
+WIRE_WALK: Final = """
+            nothing target motion
+target-sent target  target target
+motion-sent motion  motion .
+ended       .       nothing nothing
+"""
+"""By hand: what a record has to say of what is on its way to the drive."""
+
+
+def test_the_table_of_what_is_on_the_wire_is_what_a_record_says() -> None:
+    head, *rows = (line.split() for line in WIRE_WALK.strip("\n").splitlines())
+    expected = {
+        (OnWire(state), WireEvent(event)): None if cell == "." else OnWire(cell)
+        for event, *cells in rows
+        for state, cell in zip(head, cells, strict=True)
+    }
+    assert {(state, e): then for state, row in ON_WIRE_AFTER.items() for e, then in row.items()} == expected
 
 
 # --- a transaction -----------------------------------------------------------------------------------------

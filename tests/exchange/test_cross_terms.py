@@ -153,7 +153,7 @@ def test_an_other_axis_that_loses_its_reference_is_held_and_then_fades() -> None
     assert told(bench) == 400_000
     kinds = [(e.kind.value, dict(e.more)["term"]) for e in bench.events if e.kind.value.startswith("term-")]
     assert kinds == [("term-follows", "cross"), ("term-held", "cross"), ("term-fades", "cross")]
-    assert terms(bench).status(x, bench.now_ns)["cross"] == {
+    assert terms(bench).status(x.compensation, bench.now_ns)["cross"] == {
         "state": "faded",
         "axes": ["y"],
         "correction": 0.0,
@@ -178,7 +178,7 @@ def test_an_other_axis_without_a_target_counts_by_where_it_was_read_to_be() -> N
     bench.memory.put(Y_ACTUAL, 900_000)
     bench.move(300_000)
     assert told(bench) == 300_060
-    assert terms(bench).status(bench.line.axes[0], bench.now_ns)["cross"]["state"] == "held"
+    assert terms(bench).status(bench.line.axes[0].compensation, bench.now_ns)["cross"]["state"] == "held"
 
 
 def test_an_other_axis_that_is_lost_before_it_ever_counted_is_waited_for() -> None:

@@ -5,7 +5,8 @@ from random import Random
 
 import pytest
 
-from gateway.exchange.axis.state import Rendering
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.cut_replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.cut_through import Cut, CutThrough, Turn
 from gateway.exchange.leads import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, reply_shape
@@ -177,7 +178,7 @@ def test_a_reading_that_may_prove_a_target_is_not_turned_back_before_it_is_whole
     assert words is not None
     came = characters(append_crc(b"\x01" + way.bench.memory.answer(read(COMMAND))))
     play(cut, came[:after_bytes])
-    axis.unproven = Rendering(0, words, b"\0\0\0\1", 1.0, None)
+    axis.motion.enter(MotionState.UNACKNOWLEDGED, Rendering(0, words, b"\0\0\0\1", 1.0, None))
     play(cut, came[after_bytes:])
     assert (cut.state, way.turns[-1]) == (state, why)
     assert len(cut.left) == (reply_shape(2, [(0, 2)]).length if state is Cut.SPOILT else 0)

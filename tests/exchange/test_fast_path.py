@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from gateway.compensation.settings import Gain, Outside, OutsideKind, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.control import set_temperature, switch
 from gateway.exchange.fast_path import ReadPath, WritePath
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
@@ -61,7 +61,7 @@ PLANS: dict[str, AxisPlan] = {
 
 def state_of(axis: Axis) -> dict[str, Any]:
     """Everything that the next frame may depend on, without the identity of curves."""
-    compensation = axis.compensation
+    compensation, actual = axis.compensation, axis.motion.actual
     state, readback = compensation.state, compensation.readback
     fields = [
         (f.nominal_words, f.corrected_words, f.completeness, f.epoch, f.may_be_corrected) for f in axis.fields
@@ -73,11 +73,11 @@ def state_of(axis: Axis) -> dict[str, Any]:
         "readback": (readback.anchor_counts, readback.fade, readback.correction_map.correction(12.345)),
         "fields": fields,
         "flags": (
-            axis.whereabouts, axis.is_moving, axis.reference, axis.said,
-            axis.silent_since_ns, axis.is_referenced, axis.is_unsure,
+            axis.motion.state, axis.motion.is_moving, axis.reference.state, axis.motion.said,
+            axis.silent_since_ns, axis.reference.is_referenced, axis.is_unsure,
         ),
-        "actual": None if axis.actual is None else (axis.actual.counts, axis.actual.seen_ns),
-        "unproven": None if axis.unproven is None else axis.unproven[1:4],
+        "actual": None if actual is None else (actual.counts, actual.seen_ns),
+        "unproven": None if axis.motion.unacknowledged is None else axis.motion.unacknowledged[1:4],
     }  # fmt: skip
 
 

@@ -305,7 +305,7 @@ def test_a_stop_that_moves_the_zero_too_ends_the_reference() -> None:
     )
     bench = Bench(axis_plan(motion=replace(BY_BITS, triggers=triggers)), serial=False, tcp_drive=True)
     bench.ask(bytes.fromhex("10 3100 0002 04 000F 0000"))
-    assert bench.line.axes[0].is_referenced
+    assert bench.line.axes[0].reference.is_referenced
     frame = bytes.fromhex("10 3100 0002 04 000E 0001")
     assert bench.ask(frame) == frame[:5]
     assert bench.seen[-1] == frame

@@ -226,7 +226,7 @@ def test_a_record_leaves_open_which_of_two_targets_sent_an_axis_to_one_on_the_wa
     world = play(BY_NAME["s-killed-onward"], *lost)
     assert [event.kind.value for event in world.told] == ["restored", "direction-unsure"]
     axis = world.sides[0].line.axes[0]
-    assert round(axis.nominal_of(35)) == 203
+    assert round(axis.motion.nominal_of(35)) == 203
 
 
 def test_a_record_counts_at_the_second_kill_as_at_the_first() -> None:

@@ -5,7 +5,7 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action
-from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.plan import Late, LineTiming, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Memory, axis_plan, monitor, read, write
@@ -76,12 +76,28 @@ def test_m6_done_that_fell_and_came_back_with_the_axis_in_its_window_is_arrival(
 
 
 def test_m6_done_without_its_fall_counts_once_the_drive_has_had_the_time() -> None:
-    for later_ms, stage in ((900, Whereabouts.UNDER_WAY), (1001, Whereabouts.ARRIVED)):
+    for later_ms, stage in ((900, MotionState.MOVING), (1001, MotionState.ARRIVED)):
         bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, actual=()))
         bench.ask(write(COMMAND, 60_000))
         bench.wait(later_ms)
         done(bench, is_set=True)
-        assert bench.line.axes[0].whereabouts is stage
+        assert bench.line.axes[0].motion.state is stage
+
+
+def test_m6_a_place_on_a_way_from_a_known_start_tells_the_direction() -> None:
+    """Nor does it matter that either branch could have brought a standing axis there."""
+    bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
+    bench.move(60_000)
+    done(bench, is_set=True)
+    bench.actual()
+    bench.ask(write(COMMAND, 50_000))
+    done(bench, is_set=False)
+    bench.memory.put(ACTUAL, 55_000)
+    bench.wait(300)
+    place = bench.actual()
+    bench.ask(write(COMMAND, place + 100))
+    assert told(bench) == place + 100 + 410
+    assert not unsure(bench)
 
 
 def test_m6_a_sample_is_as_old_as_its_request() -> None:
@@ -93,7 +109,7 @@ def test_m6_a_sample_is_as_old_as_its_request() -> None:
     bench.send(READ_DONE)  # asked before the target was acknowledged, sent and answered after it
     bench.serve()
     bench.port.replies.clear()
-    assert bench.line.axes[0].whereabouts is Whereabouts.UNDER_WAY
+    assert bench.line.axes[0].motion.state is MotionState.MOVING
 
 
 def test_m9_a_read_that_waited_behind_another_one_is_no_jump() -> None:
@@ -124,7 +140,7 @@ def test_m6_a_moving_bit_makes_no_done_bit_newer() -> None:
     for _ in range(2):
         bench.memory.words[DONE.address] = 0b11  # it moves; done is still that of the move before
         bench.ask(READ_DONE)
-    assert bench.line.axes[0].whereabouts is Whereabouts.UNDER_WAY
+    assert bench.line.axes[0].motion.state is MotionState.MOVING
 
 
 def test_m6_in_position_alone_never_is_arrival() -> None:
@@ -133,7 +149,7 @@ def test_m6_in_position_alone_never_is_arrival() -> None:
     done(bench, is_set=False)
     bench.wait(2000)
     done(bench, is_set=True)
-    assert bench.line.axes[0].whereabouts is Whereabouts.UNDER_WAY
+    assert bench.line.axes[0].motion.state is MotionState.MOVING
 
 
 # --- rule 6: short reversals -------------------------------------------------------------------------------
@@ -340,12 +356,12 @@ def test_m5_a_moving_bit_alone_tells_that_a_distance_has_ended() -> None:
     bench.drive.set_bits(is_done=False)
     bench.poll()
     bench.actual()
-    assert bench.line.axes[0].is_distance_unproven
+    assert bench.line.axes[0].motion.is_distance_unproven
     bench.drive.arrive()
     bench.poll()
     bench.wait(1100)
     assert bench.actual() == 55_000
-    assert not bench.line.axes[0].is_distance_unproven
+    assert not bench.line.axes[0].motion.is_distance_unproven
 
 
 def test_m5_before_the_drive_has_had_the_time_to_start_there_is_no_base() -> None:
@@ -468,7 +484,7 @@ def test_m5_at_neither_end_there_is_no_base(stands_at: int) -> None:
     assert unsure(bench)
     bench.stage(50_000)
     bench.trigger(RUN_PDU)
-    assert not bench.line.axes[0].is_distance_unproven
+    assert not bench.line.axes[0].motion.is_distance_unproven
 
 
 def test_m5_where_both_ends_lie_in_the_window_there_is_no_base() -> None:
@@ -569,7 +585,7 @@ def test_m9_a_retained_target_moves_nothing_after_a_silence_in_which_the_referen
     bench.wait(1000)  # then it is tried again
     bench.ask(write(COMMAND, 60_000))
     assert told(bench) == 59_740
-    assert not bench.line.axes[0].is_referenced
+    assert not bench.line.axes[0].reference.is_referenced
     bench.ask(write(COMMAND, 60_001))
     assert told(bench) == 60_001
 
@@ -617,7 +633,7 @@ def test_m9_a_repeat_moves_nothing_where_the_homed_bit_is_gone_afterwards(troubl
         bench.serve()
     bench.ask(write(COMMAND, 60_000))
     assert told(bench) == 59_740
-    assert not bench.line.axes[0].is_referenced
+    assert not bench.line.axes[0].reference.is_referenced
     bench.ask(write(COMMAND, 60_001))
     assert told(bench) == 60_001
 
@@ -654,7 +670,7 @@ def test_m7_a_function_that_a_drive_does_not_know_has_written_nothing() -> None:
     assert bench.port.take() == bytes.fromhex("97 01")
     axis = bench.line.axes[0]
     assert axis.compensation.accepted == (60_000, 59_740)
-    assert axis.unproven is None
+    assert axis.motion.unacknowledged is None
     assert bench.actual() == 60_000
     bench.move(60_010)
     assert told(bench) == 60_420

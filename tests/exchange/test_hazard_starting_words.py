@@ -3,7 +3,7 @@
 import pytest
 
 from gateway.drives.motion import Action, Form, ModePlan, MotionPlan
-from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.plan import LineTiming, Reference
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import MS, Bench, axis_plan, read, write
@@ -130,7 +130,7 @@ def arrived_bench(**changes: object) -> Bench:
     bench.memory.words[DONE.address] = 1 << DONE.bit | 1 << HOMED.bit
     for counts in (1_000, 65_530):
         come_to(bench, counts)
-    assert bench.line.axes[0].whereabouts is Whereabouts.ARRIVED
+    assert bench.line.axes[0].motion.state is MotionState.ARRIVED
     bench.seen.clear()
     return bench
 
@@ -166,7 +166,7 @@ def refuse_speed(bench: Bench) -> None:
     assert bench.port.take() == bytes.fromhex("90 04")
     assert writes(bench) == [HIGH_WORD]
     assert bench.memory.read(SPEED, 2) == bytes(4)
-    assert bench.line.axes[0].whereabouts is Whereabouts.ARRIVED
+    assert bench.line.axes[0].motion.state is MotionState.ARRIVED
     assert told(bench) == (65_530, 65_540)
     reason = bench.events[-1].detail
     assert "writing it starts the move" in reason
@@ -216,7 +216,7 @@ def test_m7_target_and_speed_in_one_frame_are_in_doubt_where_it_is_not_acknowled
     else:
         bench.line.reply(1, bytes.fromhex("90 04"), bench.now_ns)
         assert bench.port.take() == bytes.fromhex("90 04")
-    assert bench.line.axes[0].whereabouts is Whereabouts.UNPROVEN
+    assert bench.line.axes[0].motion.state is MotionState.UNACKNOWLEDGED
     bench.memory.words[DONE.address] = 0
     bench.memory.put(ACTUAL, 150_000)
     bench.wait(1000)

@@ -7,7 +7,7 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.axis.state import KEEPING, RETAINING
+from gateway.exchange.axis.motion import KEEPING, MotionState
 from gateway.exchange.commands import SetReference
 from gateway.exchange.plan import LineTiming, Reference
 from gateway.modbus.registers import BitField
@@ -116,7 +116,7 @@ def test_m9_a_repeat_passes_1_to_1_where_the_axis_stands_elsewhere_without_a_ref
     bench.memory.put(ACTUAL, 20_000)  # its drive was switched off, and counts from another zero
     bench.ask(write(COMMAND, 60_000))
     assert bench.memory.get(COMMAND) == 60_000
-    assert not bench.line.axes[0].is_referenced
+    assert not bench.line.axes[0].reference.is_referenced
 
 
 @pytest.mark.parametrize("how", LOSSES[1:])
@@ -152,7 +152,7 @@ def test_m9_a_reading_elsewhere_ends_what_was_kept_for_good() -> None:
     lose(bench, "reference")
     bench.memory.put(ACTUAL, 20_000)
     bench.ask(read(ACTUAL))
-    assert bench.line.axes[0].whereabouts not in RETAINING
+    assert bench.line.axes[0].motion.state is not MotionState.SUPERSEDED
     bench.memory.put(ACTUAL, 59_740)
     bench.ask(write(COMMAND, 60_000))
     assert bench.memory.get(COMMAND) == 60_000
@@ -291,7 +291,7 @@ def test_m6_where_nobody_may_look_the_target_of_before_tells_the_direction_flagg
     bench.drive.arrive()
     bench.wait(1500)
     bench.ask(STATUS_PDU)
-    assert bench.line.axes[0].is_referenced
+    assert bench.line.axes[0].reference.is_referenced
     bench.stage(40_000)
     bench.trigger()
     assert bench.drive.moves[-1][1] < 40_000  # backward from 60 mm
@@ -455,7 +455,7 @@ def test_m9_a_declared_reference_proves_nothing_of_a_target_from_before_a_loss()
     lose(bench, "silence")
     bench.memory.put(ACTUAL, 80_000)
     bench.ask(read_homed())  # it answers again: its reference is lost
-    assert not bench.line.axes[0].is_referenced
+    assert not bench.line.axes[0].reference.is_referenced
     bench.line.command(SetReference(axis="x"), bench.now_ns)
     bench.ask(write(COMMAND, 60_000))
     assert bench.memory.get(COMMAND) == 59_740  # seen at 80 mm: a new target, backward

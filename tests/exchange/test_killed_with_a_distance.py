@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gateway.exchange.axis.state import PROOF_AFTER, End, Proof
+from gateway.exchange.axis.acknowledge import PROOF_AFTER, End, Proof
 from gateway.exchange.plan import AxisPlan
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench, Records
@@ -49,7 +49,7 @@ def unsure(bench: Bench) -> bool:
 
 
 def is_open(bench: Bench) -> bool:
-    return bench.line.axes[0].is_distance_unproven
+    return bench.line.axes[0].motion.is_distance_unproven
 
 
 def killed(*, runs: bool = True, distance: int = -15_000, **changes: Any) -> tuple[StagedBench, Records]:
@@ -368,23 +368,23 @@ def test_m6_where_it_goes_on_to_the_target_before_it_is_that() -> None:
 def test_every_reading_at_an_end_leads_where_the_table_says() -> None:
     """Written by hand: twice at one end decides; once elsewhere, and it begins anew."""
     rows = {
-        (Proof.ONE, End.START): Proof.RAN_NOT,
-        (Proof.ONE, End.END): Proof.RAN,
+        (Proof.ONE, End.START): Proof.NOT_EXECUTED,
+        (Proof.ONE, End.END): Proof.EXECUTED,
         (Proof.ONE, End.NEITHER): Proof.ONE,
         (Proof.TWO, End.START): Proof.AT_START,
         (Proof.TWO, End.END): Proof.AT_END,
         (Proof.TWO, End.NEITHER): Proof.TWO,
-        (Proof.AT_START, End.START): Proof.RAN_NOT,
+        (Proof.AT_START, End.START): Proof.NOT_EXECUTED,
         (Proof.AT_START, End.END): Proof.AT_END,
         (Proof.AT_START, End.NEITHER): Proof.TWO,
         (Proof.AT_END, End.START): Proof.AT_START,
-        (Proof.AT_END, End.END): Proof.RAN,
+        (Proof.AT_END, End.END): Proof.EXECUTED,
         (Proof.AT_END, End.NEITHER): Proof.TWO,
         (Proof.NONE, End.START): Proof.NONE,
         (Proof.NONE, End.END): Proof.NONE,
         (Proof.NONE, End.NEITHER): Proof.NONE,
     }
-    assert rows == PROOF_AFTER
+    assert rows == {(proof, end): after for proof, row in PROOF_AFTER.items() for end, after in row.items()}
 
 
 def test_the_bench_is_what_it_says() -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.events import EventKind
 from gateway.exchange.link_loss import (
     LINK_LOSS,
@@ -249,7 +249,7 @@ def test_a_blink_forgets_nothing_of_an_axis_that_was_heard_within_a_second() -> 
     bench.returns(90)
     assert bench.link.sent == []
     axis = bench.line.axes[0]
-    assert axis.whereabouts in (Whereabouts.SEEN_THERE, Whereabouts.ARRIVED)
+    assert axis.motion.state in (MotionState.IN_WINDOW, MotionState.ARRIVED)
     assert axis.silent_since_ns is None
 
 
@@ -261,7 +261,7 @@ def test_longer_or_of_an_axis_that_was_not_heard_it_is_a_lost_link(quiet_ms: flo
     bench.until(quiet_ms)
     bench.peer_closes()
     bench.returns(away_ms)
-    assert bench.line.axes[0].whereabouts is Whereabouts.OUT_OF_REACH
+    assert bench.line.axes[0].motion.state is MotionState.SUPERSEDED
 
 
 def test_a_connection_that_breaks_is_no_blink() -> None:
@@ -270,7 +270,7 @@ def test_a_connection_that_breaks_is_no_blink() -> None:
     bench.actual()
     bench.breaks()
     bench.returns(5)
-    assert bench.line.axes[0].whereabouts is Whereabouts.OUT_OF_REACH
+    assert bench.line.axes[0].motion.state is MotionState.SUPERSEDED
 
 
 def test_a_drive_that_was_switched_off_during_a_close_is_asked_whether_it_is_homed() -> None:

@@ -7,7 +7,7 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action
-from gateway.exchange.axis.state import SIGHT_AFTER, Sight, Told
+from gateway.exchange.axis.sight import SIGHT_AFTER, Sight, Told
 from gateway.exchange.plan import ControllerPlan
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import (
@@ -382,7 +382,8 @@ def test_w8_a_first_setpoint_is_read_for_once_more() -> None:
 
 def test_every_answer_leads_where_the_table_says() -> None:
     """Written by hand."""
-    assert SIGHT_AFTER == {
+    flat = {(sight, told): after for sight, row in SIGHT_AFTER.items() for told, after in row.items()}
+    assert flat == {
         (Sight.OPEN, Told.PLACE): Sight.OPEN,
         (Sight.OPEN, Told.PASSING): Sight.OPEN,
         (Sight.OPEN, Told.REFUSAL): Sight.REFUSED_ONCE,

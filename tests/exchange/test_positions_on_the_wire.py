@@ -154,7 +154,7 @@ def test_a_reading_is_shown_for_two_seconds() -> None:
     bench = Bench(axis_plan())
     bench.move(50_000)
     bench.actual()
-    actual = bench.line.axes[0].actual
+    actual = bench.line.axes[0].motion.actual
     assert actual is not None
     read_ns = actual.seen_ns
 

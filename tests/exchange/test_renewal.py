@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from gateway.exchange.axis.state import Whereabouts
+from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.commands import SetReference
 from gateway.exchange.events import EventKind
 from gateway.exchange.plan import Reference
@@ -105,12 +105,12 @@ def test_a_renewal_is_neither_a_lost_link_nor_a_sign_of_life() -> None:
     bench = ConnectionBench(axis_plan())
     bench.move(50_000)
     bench.actual()
-    place = bench.line.axes[0].whereabouts
+    place = bench.line.axes[0].motion.state
     mute(bench)
     silence = bench.line.answers.silences[1]
     since_ns, due_ns = silence.since_ns, silence.due_ns
     bench.returns(20)
-    assert bench.line.axes[0].whereabouts is place is not Whereabouts.OUT_OF_REACH
+    assert bench.line.axes[0].motion.state is place is not MotionState.SUPERSEDED
     assert (silence.timeouts, silence.since_ns, silence.due_ns) == (3, since_ns, due_ns)
     assert bench.line.answers.silences[1] is silence
     bench.send(READ)
@@ -348,7 +348,7 @@ def test_w11_a_power_cut_behind_a_renewal_is_silence_until_the_drives_own_frame(
         bench.until(30)
         bench.serve()
         assert bench.memory.get(COMMAND) == 60_000  # 1:1, not 60 010 on a zero of before
-    assert not any(axis.is_referenced for axis in bench.line.axes)
+    assert not any(axis.reference.is_referenced for axis in bench.line.axes)
 
 
 @pytest.mark.parametrize("rtu", [False, True])

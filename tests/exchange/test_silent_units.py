@@ -243,7 +243,7 @@ def homing_line(retry_ms: float = 200.0, **changes: Any) -> Bench:
         ask(bench, write(COMMAND, counts))
         bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
         bench.wait(1000)
-    assert bench.line.axes[0].is_referenced
+    assert bench.line.axes[0].reference.is_referenced
     bench.seen.clear()
     return bench
 

@@ -80,7 +80,7 @@ def test_m2_one_that_came_through_the_gateway_passes_untouched_and_displaces_its
     line.ask(JUMPING_3)
     assert line.ask(RUN_3) == RUN_3
     assert line.drive.get(PATH_3) == 50_000  # as its controller wrote it
-    assert line.line.axes[0].whereabouts.value == "unknown"
+    assert line.line.axes[0].motion.state.value == "unknown"
     assert line.line.axes[0].is_unsure
 
 

@@ -82,7 +82,7 @@ def test_m9_a_stream_that_loses_its_reference_keeps_its_offset_and_fades() -> No
     assert told(bench) == 56_250
     bench.memory.words[HOMED.address] = 0
     bench.ask(homed)
-    assert not bench.line.axes[0].is_referenced
+    assert not bench.line.axes[0].reference.is_referenced
     assert bench.actual() == 55_950
     assert stream(bench, [55_950] * 3) == [56_250] * 3
     assert bench.actual() == 55_950
@@ -110,7 +110,7 @@ def test_m9_a_stream_of_an_axis_that_lost_replies_holds_still() -> None:
         bench.wait(2)
         bench.port.replies.clear()
     assert stream(bench, [55_950] * 2) == [56_250] * 2
-    assert not bench.line.axes[0].is_referenced
+    assert not bench.line.axes[0].reference.is_referenced
     assert stream(bench, [57_150]) == [57_150]
 
 

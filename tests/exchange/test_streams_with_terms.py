@@ -108,7 +108,7 @@ class Streams:
         for axis in self.bench.line.axes:
             assert axis.terms is not None
             axis.terms.events(axis.plan.name, self.bench.now_ns)
-            axis.terms.status(axis, self.bench.now_ns)
+            axis.terms.status(axis.compensation, self.bench.now_ns)
 
     def lost(self) -> None:
         """An axis loses its reference, passes 1:1 for some setpoints of both, and is declared to have it."""

@@ -12,7 +12,7 @@ from gateway.compensation.settings import AxisSettings, Gain, Outside, OutsideKi
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.exchange import control
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.commands import TableFor
 from gateway.exchange.control import ControlError
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference

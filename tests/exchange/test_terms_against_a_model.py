@@ -9,7 +9,7 @@ from gateway.compensation.fingerprint import table_digest
 from gateway.compensation.settings import Gain, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.commands import SetReference, TableFor
 from gateway.exchange.control import ControlError, set_gain, set_tables, set_temperature, switch
 from gateway.exchange.plan import AxisPlan, CrossPlan, Reference
@@ -126,12 +126,12 @@ class Machine:
         """Take over which targets and temperatures count, where only the gateway can decide that."""
         axis = self.axis(model)
         accepted, terms = axis.compensation.accepted, axis.terms
-        model.is_referenced = axis.is_referenced
+        model.is_referenced = axis.reference.is_referenced
         model.nominal = None if accepted is None else accepted.nominal_counts
         model.told = None if accepted is None else accepted.corrected_counts
         model.read = None
-        if axis.actual is not None:
-            model.read = axis.nominal_of(axis.actual.counts), axis.actual.seen_ns
+        if axis.motion.actual is not None:
+            model.read = axis.motion.nominal_of(axis.motion.actual.counts), axis.motion.actual.seen_ns
         if model.heat is not None:
             assert terms is not None
             assert terms.thermal is not None
@@ -247,7 +247,7 @@ class Machine:
     def stopped(self) -> None:
         """Something else decides where it is."""
         model = self.pick()
-        self.axis(model).displace(keeps_branch=self.random.random() < 0.5)
+        self.axis(model).motion.displace(keeps_branch=self.random.random() < 0.5)
         model.nominal = None
 
     def lost(self) -> None:

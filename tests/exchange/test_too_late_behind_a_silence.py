@@ -422,7 +422,7 @@ def test_w6_nor_does_the_silence_of_its_axis_grow() -> None:
     bench.send(write(COMMAND, 70_000), unit_id=2)
     bench.serve()
     assert bench.seen[-1] == write(COMMAND, 70_010)
-    assert bench.line.axes[0].is_referenced
+    assert bench.line.axes[0].reference.is_referenced
 
 
 @pytest.mark.parametrize("serial", [False, True])

@@ -8,9 +8,7 @@ from typing import Final
 
 import pytest
 
-from gateway.exchange.axis.events import Happening
-from gateway.exchange.axis.state import Whereabouts
-from gateway.exchange.axis.transitions import WHEREABOUTS_AFTER
+from gateway.exchange.axis.motion import MOTION_AFTER, MotionEvent, MotionState
 from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase
 from tools import docs, state_machine
 from tools.diagram import ANY, Box, Layout, LayoutError, Route, drawn
@@ -104,19 +102,21 @@ def test_a_frame_is_around_the_states_of_its_group_and_no_others() -> None:
 def test_make_docs_names_a_state_that_has_no_place(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    layout = state_machine.WHEREABOUTS_LAYOUT
-    nodes = {name: place for name, place in layout.nodes.items() if name != "retained"}
-    monkeypatch.setattr(state_machine, "WHEREABOUTS_LAYOUT", replace(layout, nodes=nodes))
+    layout = state_machine.MOTION_LAYOUT
+    nodes = {name: place for name, place in layout.nodes.items() if name != "superseded"}
+    monkeypatch.setattr(state_machine, "MOTION_LAYOUT", replace(layout, nodes=nodes))
     monkeypatch.setattr(sys, "argv", ["docs"])
     assert docs.main() == 1
-    said = "state-machine-whereabouts.svg: the layout has no place for the state retained\n"
+    said = "state-machine-motion.svg: the layout has no place for the state superseded\n"
     assert capsys.readouterr().err == said
 
 
 def test_the_arrows_of_the_picture_are_the_whole_table() -> None:
     """Each arrow taken apart again: from any state, from those in a frame, or from one."""
-    places = list(Whereabouts)
-    arrows = state_machine.arrows_of(places, list(Happening), WHEREABOUTS_AFTER, state_machine.GROUPS)
+    places = list(MotionState)
+    arrows = state_machine.arrows_of(
+        places, list(MotionEvent), state_machine.flat(MOTION_AFTER), state_machine.GROUPS
+    )
     found = {}
     for (source, target), events in arrows.items():
         if source == ANY:
@@ -124,12 +124,14 @@ def test_the_arrows_of_the_picture_are_the_whole_table() -> None:
         elif source.startswith("group "):
             sources = set(state_machine.GROUPS[source.removeprefix("group ")])
         else:
-            sources = {Whereabouts(source)}
+            sources = {MotionState(source)}
         for event in events:
-            for state in sources - {Whereabouts(target)}:
-                assert (state, Happening(event)) not in found
-                found[state, Happening(event)] = Whereabouts(target)
-    assert found == {key: then for key, then in WHEREABOUTS_AFTER.items() if then is not key[0]}
+            for state in sources - {MotionState(target)}:
+                assert (state, MotionEvent(event)) not in found
+                found[state, MotionEvent(event)] = MotionState(target)
+    assert found == {
+        key: then for key, then in state_machine.flat(MOTION_AFTER).items() if then is not key[0]
+    }
 
 
 def cells(text: str, head: str) -> dict[tuple[str, str], str]:
@@ -145,22 +147,26 @@ def cells(text: str, head: str) -> dict[tuple[str, str], str]:
 
 
 def test_the_tables_of_the_page_are_the_whole_table() -> None:
-    text = state_machine.whereabouts()
-    found = cells(text, "| state | ran-not |")
+    text = state_machine.motion()
+    found = cells(text, "| state | not-executed |")
     for (event, _), then in cells(text, "| event, in any").items():
-        found |= {(place.value, event): then for place in Whereabouts}
-    assert found == {(p.value, e.value): then.value for (p, e), then in WHEREABOUTS_AFTER.items()}
+        found |= {(place.value, event): then for place in MotionState}
+    expected = {(p.value, e.value): then.value for (p, e), then in state_machine.flat(MOTION_AFTER).items()}
+    events = list(MotionEvent)
+    expected |= {(p.value, e.value): "×" for p, e in state_machine.absent(MOTION_AFTER, events)}
+    assert found == expected
 
 
 def test_a_reference_shows_the_states_that_it_comes_to() -> None:
     """An absolute encoder is found at the start, and only a set position ends it."""
     text = state_machine.references()
-    assert cells(text, "| state | set-at-rest | set-moving | declared |") == {
-        ("lost", "declared"): "found",
-        ("found", "set-at-rest"): "lost",
-        ("found", "set-moving"): "lost",
+    head = "| state | homing | other-motion | set-at-rest | set-moving | loss | declared |"
+    assert cells(text, head) == {
+        ("not-referenced", "declared"): "referenced",
+        ("referenced", "set-at-rest"): "not-referenced",
+        ("referenced", "set-moving"): "not-referenced",
     }
-    assert "says it. At the start: `untold`." in text
+    assert "says it. At the start: `not-referenced`." in text
 
 
 def test_the_phases_and_outcomes_are_those_of_the_tables() -> None:
@@ -195,4 +201,4 @@ class Tide(Enum):
 def test_a_meaning_is_the_string_below_and_where_there_is_none_its_state_is_named() -> None:
     with pytest.raises(LayoutError, match=r"tests\.tools\.test_state_machine: Tide\.HIGH has no docstring"):
         state_machine.meanings(Tide)
-    assert state_machine.meanings(Happening)[Happening.FELL] == "Its drive says: not done."
+    assert state_machine.meanings(MotionEvent)[MotionEvent.NOT_DONE] == "Its drive says: not done."

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any, Final
 
+from gateway.exchange.axis.impossible import raise_them
 from tests.verify.errors import BrokenRuleError
 from tests.verify.rules import is_settled
-from tests.verify.snapshot import watch_table
+from tests.verify.snapshot import TAKEN, watch_tables
 from tests.verify.wires import BytesSide, world_of
 from tests.verify.world import START_NS, Design, Happening, Kept, World
 
@@ -84,8 +85,9 @@ class Walk:
     """One walk through one world."""
 
     def __init__(self, design: Design, *, most_broken: int = 1) -> None:
-        self.table = watch_table()
-        self.table.taken.clear()
+        raise_them()
+        watch_tables()
+        TAKEN.clear()
         self.world = world_of(design)
         self.outcome = Outcome(design.name)
         self._most_broken = most_broken
@@ -272,7 +274,7 @@ class Walk:
 
     def _sum_up(self) -> None:
         tally, outcome = self.world.tally, self.outcome
-        tally.rows |= self.table.taken
+        tally.rows |= TAKEN
         outcome.stop_ticks, outcome.digest = tally.stop_ticks, tally.digest
         outcome.met = dict.fromkeys((f"event {each}" for each in sorted(tally.events)), 1)
         outcome.met |= dict.fromkeys((f"exception {each:#04x}" for each in sorted(tally.refusals)), 1)

@@ -29,7 +29,11 @@ from gateway.compiled import is_compiled
 
 ROOT: Final = Path(__file__).parents[2]
 FILES: Final = (
-    ROOT / "gateway" / "exchange" / "axis" / "transitions.py",
+    ROOT / "gateway" / "exchange" / "axis" / "axis.py",
+    ROOT / "gateway" / "exchange" / "axis" / "motion.py",
+    ROOT / "gateway" / "exchange" / "axis" / "reference.py",
+    ROOT / "gateway" / "exchange" / "axis" / "interlock.py",
+    ROOT / "gateway" / "exchange" / "axis" / "acknowledge.py",
     ROOT / "gateway" / "exchange" / "axis" / "registers.py",
     ROOT / "gateway" / "exchange" / "transaction.py",
 )
@@ -48,7 +52,7 @@ EXAMPLES: Final = """examples:
   python -m tests.verify.mutants gateway/exchange/axis/registers.py
   python -m tests.verify.mutants gateway/exchange/answers.py --every 3
   python -m tests.verify.mutants gateway/exchange/cut_through.py --worlds b-rtu-cut-to b-rtu-cut-back
-  python -m tests.verify.mutants gateway/exchange/axis/transitions.py --list
+  python -m tests.verify.mutants gateway/exchange/axis/motion.py --list
 """
 OTHER_COMPARISON: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
     ast.Lt: ast.LtE,
@@ -66,18 +70,18 @@ ENUMS: Final = (
     "BlockEvent",
     "Completeness",
     "Cut",
-    "Happening",
     "Known",
+    "MotionEvent",
+    "MotionState",
     "OnWire",
     "Outcome",
     "Phase",
-    "Referenced",
     "ReferenceEvent",
+    "ReferenceState",
     "Said",
     "Stopping",
-    "Switched",
     "Turn",
-    "Whereabouts",
+    "WireEvent",
 )
 """Names of enums whose members are taken for each other."""
 

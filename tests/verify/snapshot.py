@@ -18,11 +18,13 @@ from types import MemberDescriptorType, MethodType, ModuleType
 from typing import Any, Final, NamedTuple
 
 from gateway.compensation.axis import AxisCompensation
-from gateway.exchange.axis import transitions
-from gateway.exchange.axis.events import SteadyTarget
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.axis_request import SteadyTarget
+from gateway.exchange.axis.impossible import IGNORED
+from gateway.exchange.axis.interlock import BLOCK_AFTER, Block
+from gateway.exchange.axis.motion import MOTION_AFTER
+from gateway.exchange.axis.reference import REFERENCE_AFTER
 from gateway.exchange.axis.registers import Completeness
-from gateway.exchange.axis.state import HOMING, Block
-from gateway.exchange.axis.transitions import Axis
 from gateway.exchange.cut_line import ReplyCutter, RequestCutter
 from gateway.exchange.cut_through import Cut
 from gateway.exchange.line import LineExchange
@@ -134,11 +136,11 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "_missing": lambda each: each.is_torn,
     "_parts": lambda each: each.completeness in (Completeness.PARTS_LOST, Completeness.PARTS_BUFFERED),
     "silent_until_ns": lambda each: each.silent_since_ns is not None,
-    "heard_ns": lambda each: each.compensation.accepted is not None or each.unproven is not None,
+    "heard_ns": lambda each: each.compensation.has_target or each.unacknowledged is not None,
     "last_ns": lambda each: not each.is_shared,
-    "reference_seen_ns": lambda each: each.follows_homed_bit,
-    "homing_since_ns": lambda each: each.reference in HOMING,
-    "block_code": lambda each: each.block.value != "none",
+    "bit_seen_ns": lambda each: each.follows_homed_bit,
+    "homing_since_ns": lambda each: each.is_homing,
+    "block_code": lambda each: each.is_blocked,
     "_drained_at_last_ns": lambda each: each.is_draining,
     "_steady_map": lambda each: each.is_steady,
     "_last_byte_ns": lambda each: each._buffer,
@@ -706,10 +708,10 @@ def said_of(axis: Axis) -> Said:
     return Said(
         compensation_state(axis),
         direction_state(axis),
-        axis.is_referenced,
-        axis.is_reference_told,
+        axis.reference.is_referenced,
+        axis.reference.was_told,
         axis.blocked_by is not None,
-        axis.block is not Block.NONE,
+        axis.interlock.block is not Block.NONE,
         None if accepted is None else accepted.nominal_counts,
     )
 
@@ -772,51 +774,44 @@ def _holds_unsure(value: Any, depth: int) -> bool:
     return any(_holds_unsure(each, depth + 1) for each in found if each)
 
 
-class WatchedTable(dict[Any, Any]):
-    """A table of states and signs that keeps which of its rows were looked up."""
+TAKEN: Final[set[str]] = set()
+"""Names of the rows of the tables of motion, reference and interlock that were taken and change something."""
 
-    def __init__(self, rows: dict[Any, Any], taken: set[str] | None = None, *prefix: Enum) -> None:
+
+class WatchedRows(dict[Any, Any]):
+    """The rows of one state, which note what of them is taken."""
+
+    def __init__(self, rows: dict[Any, Any], *prefix: Enum) -> None:
         super().__init__(rows)
-        self.taken: set[str] = set() if taken is None else taken
-        """The names of these rows."""
-        self._names = {key: row_name((*prefix, *_as_tuple(key))) for key in rows}
+        self.names = {event: row_name((*prefix, event)) for event in rows if rows[event] is not IGNORED}
 
-    def get(self, key: Any, default: Any = None) -> Any:
-        """Look a row up, and note it."""
-        name = self._names.get(key)
+    def __getitem__(self, event: Any) -> Any:
+        name = self.names.get(event)
         if name is not None:
-            self.taken.add(name)
-        return super().get(key, default)
+            TAKEN.add(name)
+        return super().__getitem__(event)
 
 
-def watch_table() -> WatchedTable:
-    """Return the table of whereabouts; it and those of reference and block keep what is looked up."""
-    table = transitions.WHEREABOUTS_AFTER
-    if not isinstance(table, WatchedTable):
-        table = WatchedTable(table)
-        transitions.WHEREABOUTS_AFTER = table  # type: ignore[misc]
-        transitions.BLOCK_AFTER = WatchedTable(transitions.BLOCK_AFTER, table.taken)  # type: ignore[misc]
-        for way, events in transitions.REFERENCE_AFTER.items():
-            for event, rows in events.items():
-                events[event] = WatchedTable(rows, table.taken, way, event)
-    return table
+def watch_tables() -> None:
+    """Let the tables note what is taken of them."""
+    tables: list[tuple[tuple[Enum, ...], dict[Any, Any]]] = [((), MOTION_AFTER), ((), BLOCK_AFTER)]
+    tables += [((way,), rows) for way, rows in REFERENCE_AFTER.items()]
+    for prefix, table in tables:
+        for state, rows in table.items():
+            if not isinstance(rows, WatchedRows):
+                table[state] = WatchedRows(rows, *prefix, state)
 
 
 def all_rows() -> set[str]:
-    """Return the names of all rows of the three tables."""
-    watch_table()
-    tables = [transitions.WHEREABOUTS_AFTER, transitions.BLOCK_AFTER]
-    tables += [rows for events in transitions.REFERENCE_AFTER.values() for rows in events.values()]
-    return {name for table in tables if isinstance(table, WatchedTable) for name in table._names.values()}
+    """Return the names of all rows of the three tables that change something."""
+    watch_tables()
+    tables: list[dict[Any, Any]] = [MOTION_AFTER, BLOCK_AFTER, *REFERENCE_AFTER.values()]
+    return {name for table in tables for rows in table.values() for name in rows.names.values()}
 
 
 def row_name(row: Iterable[Enum]) -> str:
     """Return how a row of a table is called."""
     return " + ".join(each.value for each in row)
-
-
-def _as_tuple(key: Any) -> tuple[Any, ...]:
-    return key if isinstance(key, tuple) else (key,)
 
 
 def dead_names(met: Iterable[str]) -> list[str]:

@@ -251,11 +251,11 @@ def test_a_trace_is_printed_as_a_test_with_what_went_over_the_wires() -> None:
 
 
 @pytest.mark.skipif(is_compiled(), reason="compiled code has its tables by heart")
-def test_the_table_of_whereabouts_tells_which_of_its_rows_were_taken() -> None:
-    table = snapshot.watch_table()
-    table.taken.clear()
+def test_the_table_of_motion_tells_which_of_its_rows_were_taken() -> None:
+    snapshot.watch_tables()
+    snapshot.TAKEN.clear()
     play(BY_NAME["direct"], TO_1, ACK, ACK, ("arrive", 0), ("ask", 0, "read", 0), ACK)
-    assert table.taken == {"unknown + acknowledged", "under-way + there"}
+    assert {"unknown + acknowledged", "moving + in-window"} == snapshot.TAKEN
 
 
 def play_in(world: World, *events: Happening) -> None:
@@ -283,7 +283,7 @@ def resolved(found: object, names: dict[int, object]) -> object:
 
 def test_what_no_world_meets_is_there_and_what_was_not_met_is_told() -> None:
     wanted = set(missing(()))
-    assert "row under-way + there" in wanted
+    assert "row moving + in-window" in wanted
     assert missing(wanted) == []
     assert missing(wanted - {"row own + completed"}) == ["row own + completed"]
     everything = {f"row {name}" for name in snapshot.all_rows()} | {

@@ -13,7 +13,7 @@ from gateway.cli.measuring.errors import AxisError
 from gateway.cli.measuring.recipe import FULL, Lever, Recipe, acknowledges, pull, writes
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, read_bit, read_field
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.plan import ALARM_BIT, DONE_BIT, HOMED_BIT, MOVING_BIT
 from gateway.modbus.errors import RegisterRangeError

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Final, Protocol
 
 from gateway.exchange.added_frames import LATER, AddedFrame, Purpose, read_bit, read_field
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.plan import AxisPlan
 from gateway.modbus.pdu import ExceptionCode, is_exception
 from gateway.modbus.registers import BitField, FieldAccess, PositionField

@@ -10,7 +10,7 @@ from math import ceil, log10
 from typing import Any, Final
 
 from gateway.cli.probing.readings import Place, frame_of, places_of
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.axis import Axis
 from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import TcpEndpoint

@@ -22,13 +22,15 @@ An axis that has not gone yet may have its target written anew: it still goes by
 others stand or go by that. That is also how a beam is levelled of which a later trigger was refused (M3).
 
 The machine is :class:`Beam`, one for each group: its state, and the data that goes with it. What was fixed of
-each axis is its ``fixed`` (:class:`~gateway.exchange.axis.state.Fixed`), there exactly while the state is not
-``OPEN``. ``Axis`` (``transitions``) puts both into force, and nothing else does.
+each axis is its ``fixed`` (:class:`Fixed`), there exactly while the state is not
+``OPEN``. ``Axis`` puts both into force, and nothing else does.
 """
 
 from enum import Enum
-from typing import Final
+from typing import Final, NamedTuple
 
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.motion import MotionState
 from gateway.times import NS_PER_S
 
 LONGEST_NS: Final = 10 * NS_PER_S
@@ -108,6 +110,35 @@ BEAM_AFTER: Final[dict[BeamState, dict[BeamEvent, BeamState]]] = {
     },
 }
 """What each event makes of each state, complete."""
+
+
+class Fixed(NamedTuple):
+    """What the first trigger of its group has fixed of one axis (``axis.beam``)."""
+
+    is_referenced: bool
+    """Whether its positions meant something."""
+    place: MotionState
+    """Where it was."""
+    had_reported_done: bool
+    """The same of a target that was not acknowledged: whether its drive said done."""
+    nominal_counts: float | None
+    """Where its controller took it to be; None: nobody knew."""
+    run: Rendering | None
+    """The target that it held, as it has to run it; None: it held none that was complete, or is the first."""
+    keeps_words: bool = False
+    """Whether it may keep words that were made with another switch, table or gain: all of its group do."""
+    has_gone: bool = False
+    may_have_gone: bool = False
+    """It was the first, and nobody knows whether its trigger was obeyed."""
+    missing: int = 0
+    """The words of its target that have not come since it went, a bit for each: a drive that goes as it is
+    written may be given them one by one."""
+    part_ns: int = 0
+    """When the newest of them came."""
+    was_lost: bool = False
+    """Its reference was lost since, be it found again by now."""
+    has_other_correction: bool = False
+    """Table, gain or switch were changed since."""
 
 
 class Beam:

@@ -1,14 +1,23 @@
 """What the place of another axis adds to an axis: straightness, sag, squareness."""
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from gateway.compensation.curve import Curve
 from gateway.compensation.moves import Accepted
 from gateway.compensation.table import make_table
 from gateway.counts import Counts
-from gateway.exchange.axis.state import AxisState, Switched
+from gateway.exchange.axis.motion import Motion
+from gateway.exchange.axis.reference import AxisReference
 from gateway.exchange.plan import AxisPlan, CrossPlan
 from gateway.times import NS_PER_S
+
+
+class Partner(NamedTuple):
+    """What a term asks of another axis: where it is, and whether it knows that."""
+
+    motion: Motion
+    reference: AxisReference
 
 
 class CrossTerm:
@@ -23,10 +32,10 @@ class CrossTerm:
         self.largest = max(map(abs, plan.corrections))
         """The most that it adds, in units."""
         self._plan = plan
-        self.partner: AxisState | None = None
+        self.partner: Partner | None = None
         self.seen: Accepted | None = None
 
-    def join(self, axes: Mapping[str, AxisState]) -> None:
+    def join(self, axes: Mapping[str, Partner]) -> None:
         """Find the other axis among these."""
         self.partner = axes.get(self.axis, self.partner)
 
@@ -40,17 +49,18 @@ class CrossTerm:
         return self._plan.axis
 
     @property
-    def known_partner(self) -> AxisState | None:
+    def known_partner(self) -> Partner | None:
         """The other axis, where it is there, its registers mean what they did, and it knows where it is."""
         partner = self.partner
-        is_known = partner is not None and partner.is_referenced and partner.switched is not Switched.ENDED
-        return partner if is_known else None
+        if partner is None or partner.reference.is_remapped or not partner.reference.is_referenced:
+            return None
+        return partner
 
     @property
     def target(self) -> Accepted | None:
         """The last accepted target of the other axis, where it says where that axis is."""
         partner = self.known_partner
-        return None if partner is None else partner.compensation.accepted
+        return None if partner is None else partner.motion.compensation.accepted
 
     def place(self, now_ns: int) -> Counts | None:
         """Return where the other axis is, in nominal counts; None where nobody knows.
@@ -60,14 +70,14 @@ class CrossTerm:
         target, partner = self.target, self.known_partner
         if target is not None:
             return target.nominal_counts
-        if partner is None or partner.actual is None:
+        if partner is None or partner.motion.actual is None:
             return None
-        age_ns = now_ns - partner.actual.seen_ns
+        age_ns = now_ns - partner.motion.actual.seen_ns
         is_fresh = age_ns <= self._plan.fresh_s * NS_PER_S
-        return partner.nominal_of(partner.actual.counts) if is_fresh else None
+        return partner.motion.nominal_of(partner.motion.actual.counts) if is_fresh else None
 
     def correction(self, nominal_counts: Counts) -> float:
         """Return what a place of the other axis adds, in units."""
         assert self.partner is not None
-        position = self.partner.compensation.machine_position(nominal_counts)
+        position = self.partner.motion.compensation.machine_position(nominal_counts)
         return self._correction(position * self._plan.scale)

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.beam import Beam
-from gateway.exchange.axis.transitions import Axis
+from gateway.exchange.axis.cross_term import Partner
 
 
 def join(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
@@ -19,7 +20,8 @@ def join(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
 
 def join_terms(axes: Iterable[Axis]) -> None:
     """Let each axis find the axes that act on it, also those of other lines."""
-    by_name = {axis.plan.name: axis for axis in axes}
-    for axis in by_name.values():
+    axes = tuple(axes)
+    partners = {axis.plan.name: Partner(axis.motion, axis.reference) for axis in axes}
+    for axis in axes:
         if axis.terms is not None:
-            axis.terms.join(by_name)
+            axis.terms.join(partners)

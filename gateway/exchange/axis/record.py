@@ -2,11 +2,11 @@
 
 After each input of the line the axis is compared with what was written last, so that whatever changes it (a
 stop, homing, a lost reply, a command) changes the record as well. What cannot be seen afterwards is written
-before a frame goes out (``transitions``): the target in it, which the drive may have got when the process
+before a frame goes out (``axis``): the target in it, which the drive may have got when the process
 dies; and that nothing is known, where it moves the axis in another way.
 
 At the start the record of the run before is compared with where the drive stands (:func:`find`). Whether it
-counts is :class:`Fate`; the axis is taken up from it in ``transitions``, in one step.
+counts is :class:`Fate`; the axis is taken up from it in ``axis``, in one step.
 """
 
 from collections.abc import Callable
@@ -17,9 +17,11 @@ from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_o
 from gateway.compensation.direction import Direction, Travel
 from gateway.compensation.fingerprint import scale_digest
 from gateway.compensation.moves import State, SteadyMove
-from gateway.compensation.settings import Gain
+from gateway.compensation.settings import AxisSettings, Gain
 from gateway.compensation.table import CorrectionTable
 from gateway.counts import Counts
+from gateway.exchange.axis.acknowledge import Acknowledgement, OnWire, Proof
+from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, ON_BRANCH, WAS_THERE, Actual, Motion, MotionState
 from gateway.exchange.axis.record_layout import (
     RecordSlots,
     Remembered,
@@ -28,17 +30,6 @@ from gateway.exchange.axis.record_layout import (
     Specs,
 )
 from gateway.exchange.axis.registers import FieldImage
-from gateway.exchange.axis.state import (
-    MAY_BE_ELSEWHERE,
-    ON_BRANCH,
-    WAS_THERE,
-    Actual,
-    AxisState,
-    OnWire,
-    Proof,
-    Referenced,
-    Whereabouts,
-)
 from gateway.exchange.plan import AxisPlan
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -50,8 +41,9 @@ LONGEST_LOOK_NS: Final = 100 * NS_PER_MS
 """So long it is watched whether the drive comes nearer."""
 _NO_TARGET: Final[tuple[float, ...]] = (0.0, 0.0)
 _NO_FADE: Final = (False, 0.0, 0.0, 0.0, 0.0)
-_Base = tuple[State, CorrectionSpec, Whereabouts, int | None, bool]
-"""State before a run and what is asked for, the same objects; place, field, whether its words are known."""
+_Base = tuple[State, CorrectionSpec, MotionState, bool, int | None, bool]
+"""State before a run and what is asked for, the same objects; where it is, whether its start was known,
+field, whether its words are known."""
 FindTable = Callable[[bytes], CorrectionTable | None]
 """The table with a digest (``compensation.fingerprint.table_digest``); None where it is not to be had."""
 
@@ -164,22 +156,24 @@ class Record:
         """Note what became of the record; it is there only as long as that is open."""
         self.fate, self.recalled, self.finding = fate, None, None
 
-    def find_table(self, axis: AxisState, digest: bytes) -> CorrectionTable | None:
+    def find_table(
+        self, table: CorrectionTable | None, wanted: CorrectionSpec, digest: bytes
+    ) -> CorrectionTable | None:
         """Return the table with a digest: the one configured, or one that is kept elsewhere."""
-        if axis.wanted.table_digest == digest:
-            return axis.plan.table
+        if wanted.table_digest == digest:
+            return table
         return None if self._find_elsewhere is None else self._find_elsewhere(digest)
 
     # --- for the run after -----------------------------------------------------------------------------
 
-    def publish(self, axis: AxisState) -> None:
+    def publish(self, motion: Motion, acknowledgement: Acknowledgement, wanted: CorrectionSpec) -> None:
         """Write down what has changed since it was written last."""
-        if self._is_paused or self.recalled is not None or axis.on_wire is not OnWire.NOTHING:
+        if self._is_paused or self.recalled is not None or acknowledgement.on_wire is not OnWire.NOTHING:
             return
-        if axis.pending is not None:
+        if acknowledgement.pending is not None:
             return  # the target may have arrived or not, and the record says so
-        compensation = axis.compensation
-        if self._goes_on(axis):
+        compensation = motion.compensation
+        if self._goes_on(motion, wanted):
             if self._step != (compensation.steps, False):
                 self._slots.write_step(compensation.step, None)
                 self._step = (compensation.steps, False)
@@ -188,46 +182,51 @@ class Record:
             compensation.state,
             compensation.readback,
             compensation.accepted,
-            axis.wanted,
-            axis.whereabouts,
-            _knows_words(axis),
-            axis.whereabouts is Whereabouts.SEEN_THERE and _was_there(axis),
+            wanted,
+            motion.state,
+            motion.is_start_known,
+            _knows_words(motion),
+            motion.state is MotionState.IN_WINDOW and _was_there(motion),
         )
         if now != self._written:
-            self._write(axis)
+            self._write(motion, acknowledgement, wanted)
             self._written = now
             if compensation.is_stream and compensation.accepted is not None and not self._is_empty:
-                number, knows_words = axis.last_number, _knows_words(axis)
-                self._base = (compensation.base, axis.wanted, axis.whereabouts, number, knows_words)
+                number, knows_words = motion.last_number, _knows_words(motion)
+                place = (motion.state, motion.is_start_known)
+                self._base = (compensation.base, wanted, *place, number, knows_words)
                 self._step = (0, False)
 
-    def keep(self, axis: AxisState) -> None:
+    def keep(self, motion: Motion, acknowledgement: Acknowledgement, wanted: CorrectionSpec) -> None:
         """Write down what holds before a frame leaves, and the frame."""
-        self._write(axis)
+        self._write(motion, acknowledgement, wanted)
         self._written, self._base = (), None
 
-    def keep_step(self, axis: AxisState, steady: SteadyMove, corrected_counts: Counts) -> bool:
+    def keep_step(
+        self, motion: Motion, wanted: CorrectionSpec, steady: SteadyMove, corrected_counts: Counts
+    ) -> bool:
         """The same of a target that goes on in its direction; whether that could be written as a step."""
-        if not (self._goes_on(axis) and -LARGEST_COUNTS <= corrected_counts <= LARGEST_COUNTS):
+        if not (self._goes_on(motion, wanted) and -LARGEST_COUNTS <= corrected_counts <= LARGEST_COUNTS):
             return False
-        compensation = axis.compensation
+        compensation = motion.compensation
         going = (steady.nominal_counts, corrected_counts, steady.position, steady.extreme, steady.now_ns)
         self._slots.write_step(compensation.step, going)
         self._step = (compensation.steps, True)
         return True
 
-    def _goes_on(self, axis: AxisState) -> bool:
+    def _goes_on(self, motion: Motion, wanted: CorrectionSpec) -> bool:
         """Whether nothing has changed since the newest record but a run of targets."""
         base = self._base
         if base is None:
             return False
-        state, wanted, whereabouts, number, knows_words = base
+        state, asked, place, is_start_known, number, knows_words = base
         return (
-            axis.compensation.base is state
-            and axis.wanted is wanted
-            and axis.whereabouts is whereabouts
-            and axis.last_number == number
-            and _knows_words(axis) is knows_words
+            motion.compensation.base is state
+            and wanted is asked
+            and motion.state is place
+            and motion.is_start_known is is_start_known
+            and motion.last_number == number
+            and _knows_words(motion) is knows_words
         )
 
     def clear(self) -> None:
@@ -245,31 +244,31 @@ class Record:
         """The link to the drives is up."""
         self._is_paused = False
 
-    def _write(self, axis: AxisState) -> None:
+    def _write(self, motion: Motion, acknowledgement: Acknowledgement, wanted: CorrectionSpec) -> None:
         """Write the record that follows from the state of an axis; it follows from nothing else."""
-        compensation, on_wire = axis.compensation, axis.on_wire
+        compensation, on_wire = motion.compensation, acknowledgement.on_wire
         low, high = compensation.way
-        is_known = axis.whereabouts in ON_BRANCH and on_wire is not OnWire.MOTION
+        is_known = motion.state in ON_BRANCH and on_wire is not OnWire.MOTION
         if not is_known or high > LARGEST_COUNTS or low < -LARGEST_COUNTS:
             self.clear()
             return
-        state, accepted, number = compensation.state, compensation.accepted, axis.last_number
+        state, accepted, number = compensation.state, compensation.accepted, motion.last_number
         _, _, _, anchor, fade, _ = compensation.readback
         move = None
-        pending = axis.pending if on_wire is OnWire.TARGET else None
-        specs: Specs = (state.spec, state.previous, None, None, axis.wanted)
+        pending = acknowledgement.pending if on_wire is OnWire.TARGET else None
+        specs: Specs = (state.spec, state.previous, None, None, wanted)
         if pending is not None and pending.move is not None:
             after = pending.move.state
-            specs = (state.spec, state.previous, after.spec, after.previous, axis.wanted)
+            specs = (state.spec, state.previous, after.spec, after.previous, wanted)
             ends = (pending.move.nominal_counts, pending.corrected_counts)
             move = (pending.is_distance, pending.number, *ends, *_state_numbers(after))
         has_target = accepted is not None
         numbers = (
             has_target,
-            has_target and _was_there(axis),
-            has_target and axis.whereabouts is Whereabouts.ARRIVED,
-            has_target and axis.whereabouts in MAY_BE_ELSEWHERE,
-            has_target and _knows_words(axis),
+            has_target and _was_there(motion),
+            has_target and motion.state is MotionState.ARRIVED,
+            has_target and motion.state in MAY_BE_ELSEWHERE,
+            has_target and _knows_words(motion),
             0 if number is None else number,
             *(accepted or _NO_TARGET),
             low,
@@ -282,17 +281,17 @@ class Record:
         self._slots.write(numbers, move, specs)
 
 
-def _knows_words(axis: AxisState) -> bool:
+def _knows_words(motion: Motion) -> bool:
     """Whether the drive holds the words of the last target, and a restart may tell a repeat by them."""
-    number = axis.last_number
-    return number is not None and not axis.has_rules and _holds_its_words(axis.fields[number])
+    number = motion.last_number
+    return number is not None and not motion.has_rules and _holds_its_words(motion.fields[number])
 
 
-def _was_there(axis: AxisState) -> bool:
+def _was_there(motion: Motion) -> bool:
     """Whether an axis was at its target so surely that a drive found elsewhere has been moved since."""
-    accepted, actual, settings = axis.compensation.accepted, axis.actual, axis.plan.settings
-    if axis.whereabouts is not Whereabouts.SEEN_THERE or accepted is None or actual is None:
-        return axis.whereabouts in WAS_THERE
+    accepted, actual, settings = motion.compensation.accepted, motion.actual, motion.plan.settings
+    if motion.state is not MotionState.IN_WINDOW or accepted is None or actual is None:
+        return motion.state in WAS_THERE
     near = settings.hysteresis_counts
     return abs(actual.counts - accepted.corrected_counts) <= near
 
@@ -323,17 +322,7 @@ class TableNotFoundError(Exception):
     """A table that a record names is not to be had."""
 
 
-def lacks_reference(axis: AxisState) -> bool:
-    """Whether it is certain that an axis does not know where it is."""
-    return axis.reference in (
-        Referenced.LOST,
-        Referenced.LOST_IN_DOUBT,
-        Referenced.HOMING,
-        Referenced.HOMING_IN_DOUBT,
-    )
-
-
-def find(axis: AxisState, record: Remembered, first: Actual, now: Actual) -> Finding | str | None:
+def find(motion: Motion, record: Remembered, first: Actual, now: Actual) -> Finding | str | None:
     """Compare where the drive is with where its record says that it may be.
 
     Returns a sentence where it may not be there, and None where it has to be read once more.
@@ -342,23 +331,25 @@ def find(axis: AxisState, record: Remembered, first: Actual, now: Actual) -> Fin
     far it lags, if the record is no older than some seconds.
 
     Args:
-        axis: the axis, which is not changed.
+        motion: where the axis is, which is not changed.
         record: its record.
         first: the first position that was read.
         now: the last one; the same at the first look.
     """
-    finding = _find(axis, record, now.counts)
+    finding = _find(motion, record, now.counts)
     move = record.unproven
     is_distance = move is not None and move.is_distance
-    if finding is Finding.EITHER and not (is_distance or proof_of(axis, record, finding) is Proof.TWO):
+    if finding is Finding.EITHER and not (
+        is_distance or proof_of(motion.plan.settings, record, finding) is Proof.TWO
+    ):
         here, before = f"{now.counts:.10g} counts", f"{record.corrected_counts:.10g}"
         return (
             f"the drive stands at {here}, which is a lost target, and on the way to the one before, {before}"
         )
     if finding is not None:
         return finding
-    if axis.compensation.is_stream and record.has_target and _is_recent(record, first):
-        if _has_come_nearer(axis, record, first.counts, now.counts):
+    if motion.compensation.is_stream and record.has_target and _is_recent(record, first):
+        if _has_come_nearer(motion.plan.settings, record, first.counts, now.counts):
             return Finding.ON_WAY
         if now.seen_ns - first.seen_ns <= LONGEST_LOOK_NS:
             return None
@@ -375,9 +366,8 @@ def _is_recent(record: Remembered, first: Actual) -> bool:
     return record.is_of_this_boot and 0 <= first.seen_ns - at_ns <= STILL_FOLLOWS_NS
 
 
-def _has_come_nearer(axis: AxisState, record: Remembered, before: Counts, now: Counts) -> bool:
+def _has_come_nearer(settings: AxisSettings, record: Remembered, before: Counts, now: Counts) -> bool:
     """Whether the drive goes to one of the last two setpoints, by more than a standing one trembles."""
-    settings = axis.plan.settings
     near = settings.hysteresis_counts
     targets = [record.corrected_counts]
     if record.unproven is not None:
@@ -385,13 +375,13 @@ def _has_come_nearer(axis: AxisState, record: Remembered, before: Counts, now: C
     return any(abs(before - target) - abs(now - target) > near for target in targets)
 
 
-def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None:
+def _find(motion: Motion, record: Remembered, counts: Counts) -> Finding | None:
     """Compare where the drive is with where it may be; None where the record cannot be true.
 
     Between two targets of which one is not proven, the nearer one counts. Where the way to the proven one
     leads over the other, or begins there, it may be either; a stream goes on from setpoint to setpoint.
     """
-    settings = axis.plan.settings
+    settings = motion.plan.settings
     near = settings.hysteresis_counts
     low, high = record.way
     from_target = abs(counts - record.corrected_counts)
@@ -402,7 +392,7 @@ def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None
     if move is None:
         return before if is_on_way else None
     from_move = abs(counts - move.corrected_counts)
-    is_ambiguous = is_on_way and not (is_at_target or axis.compensation.is_stream)
+    is_ambiguous = is_on_way and not (is_at_target or motion.compensation.is_stream)
     if from_move <= settings.in_position_counts and is_ambiguous:  # it may stand some counts off
         return Finding.EITHER
     if from_move <= near and not (is_at_target and from_target <= from_move):
@@ -415,7 +405,7 @@ def _find(axis: AxisState, record: Remembered, counts: Counts) -> Finding | None
     return None
 
 
-def proof_of(axis: AxisState, record: Remembered, finding: Finding) -> Proof:
+def proof_of(settings: AxisSettings, record: Remembered, finding: Finding) -> Proof:
     """Return what it takes to tell whether the target went that was on its way to the drive.
 
     Of a machine that was switched off since nobody knows what was done to it meanwhile: it counts only where
@@ -427,10 +417,16 @@ def proof_of(axis: AxisState, record: Remembered, finding: Finding) -> Proof:
     if not (record.has_target and (record.is_of_this_boot or finding is Finding.AT_TARGET)):
         return Proof.NONE
     apart_counts = abs(move.corrected_counts - record.corrected_counts)
-    return Proof.TWO if apart_counts > 2.0 * axis.plan.settings.in_position_counts else Proof.NONE
+    return Proof.TWO if apart_counts > 2.0 * settings.in_position_counts else Proof.NONE
 
 
-def state_of(axis: AxisState, numbers: RememberedState, find_table: FindTable, now_ns: int) -> State:
+def state_of(
+    settings: AxisSettings,
+    wanted: CorrectionSpec,
+    numbers: RememberedState,
+    find_table: FindTable,
+    now_ns: int,
+) -> State:
     """Return the state of the compensation that numbers stand for.
 
     Raises:
@@ -441,8 +437,8 @@ def state_of(axis: AxisState, numbers: RememberedState, find_table: FindTable, n
         position=numbers.position,
         travel=Travel(Direction(numbers.direction), numbers.extreme),
         progress=numbers.progress,
-        spec=_spec(axis, numbers.spec, find_table),
-        previous=None if numbers.previous is None else _spec(axis, numbers.previous, find_table),
+        spec=_spec(settings, wanted, numbers.spec, find_table),
+        previous=None if numbers.previous is None else _spec(settings, wanted, numbers.previous, find_table),
         change=numbers.change,
         change_distance=numbers.change_distance,
         is_unsure=numbers.is_unsure,
@@ -450,7 +446,9 @@ def state_of(axis: AxisState, numbers: RememberedState, find_table: FindTable, n
     )
 
 
-def _spec(axis: AxisState, numbers: RememberedSpec, find_table: FindTable) -> CorrectionSpec:
+def _spec(
+    settings: AxisSettings, wanted: CorrectionSpec, numbers: RememberedSpec, find_table: FindTable
+) -> CorrectionSpec:
     """Return the correction that numbers stand for: the one wanted now, where it is the same.
 
     Raises:
@@ -459,21 +457,12 @@ def _spec(axis: AxisState, numbers: RememberedSpec, find_table: FindTable) -> Co
     """
     if not numbers.digest:
         return CorrectionSpec(offset=numbers.offset) if numbers.offset else NOTHING
-    wanted, gain = axis.wanted, Gain(numbers.forward_gain, numbers.backward_gain)
+    gain = Gain(numbers.forward_gain, numbers.backward_gain)
     if numbers.was_wanted and wanted.table_digest == numbers.digest and wanted.gain == gain:
         is_same = (wanted.offset, wanted.tilt) == (numbers.offset, numbers.tilt)
         return wanted if is_same else with_line(wanted, numbers.offset, numbers.tilt)
     table = find_table(numbers.digest)
     if table is None:
         raise TableNotFoundError
-    found = spec_of_table(table, axis.plan.settings, gain, numbers.digest)
+    found = spec_of_table(table, settings, gain, numbers.digest)
     return with_line(found, numbers.offset, numbers.tilt) if numbers.offset or numbers.tilt else found
-
-
-def may_have_stopped(axis: AxisState) -> bool:
-    """Whether an axis that was found on its way may go no further, and its next distance begin where it is.
-
-    A drive that is only told positions gets its target once more, or another one; one that takes stops and
-    distances may have stopped for want of a master, and its target must be no base of a distance (M5).
-    """
-    return axis.has_rules

@@ -9,12 +9,12 @@ due (:meth:`Terms.is_due`); such a target takes the slow path.
 from collections.abc import Mapping
 from typing import Final
 
+from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.blend import shape
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, with_line
 from gateway.compensation.errors import SettingsError
 from gateway.compensation.thermal import TermState, Thermal
-from gateway.exchange.axis.cross_term import CrossTerm
-from gateway.exchange.axis.state import AxisState
+from gateway.exchange.axis.cross_term import CrossTerm, Partner
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.plan import AxisPlan
 from gateway.times import NS_PER_MS, NS_PER_S
@@ -64,7 +64,7 @@ class Terms:
 
     # --- what is heard ---------------------------------------------------------------------------------
 
-    def join(self, axes: Mapping[str, AxisState]) -> None:
+    def join(self, axes: Mapping[str, Partner]) -> None:
         """Find the other axes among these."""
         for cross in self.crosses:
             cross.join(axes)
@@ -243,9 +243,9 @@ class Terms:
             states["cross"] = self.cross_state(now_ns)
         return states
 
-    def status(self, axis: AxisState, now_ns: int) -> dict[str, object]:
+    def status(self, compensation: AxisCompensation, now_ns: int) -> dict[str, object]:
         """Return its part of the status model. Corrections are in units, in force at the last target."""
-        of_thermal, of_cross = self._in_force(axis)
+        of_thermal, of_cross = self._in_force(compensation)
         total = None if of_thermal is None or of_cross is None else of_thermal + of_cross
         found: dict[str, object] = {"correction": total, "is_too_large": self.is_too_large}
         thermal = self.thermal
@@ -267,13 +267,12 @@ class Terms:
             }
         return found
 
-    def _in_force(self, axis: AxisState) -> tuple[float, float] | tuple[None, None]:
+    def _in_force(self, compensation: AxisCompensation) -> tuple[float, float] | tuple[None, None]:
         """Return what the temperature and what the other axes added to the last target, in units.
 
         Only the temperature tilts the line, and it leaves ``fixed_at`` where it is: so the two can be told
         apart. A correction without a table is an offset that was found, and nothing of it is a term.
         """
-        compensation = axis.compensation
         state = compensation.state
         if compensation.accepted is None or state.position is None:
             return None, None

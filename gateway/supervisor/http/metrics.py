@@ -40,6 +40,7 @@ LINE_COUNTERS: Final = (
     "restaged",
     "unknown_modes",
     "unmapped_reads",
+    "internal_faults",
     "crc_errors",
     "damaged",
     "malformed",

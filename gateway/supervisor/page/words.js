@@ -73,6 +73,7 @@ const EVENTS = {
   "record-not-used": t("Record of the last run not used"),
   withdrawn: t("Request withdrawn"),
   "late-target": t("Late target"),
+  "internal-fault": t("Fault of the gateway's own program"),
   "budget-overrun": t("Latency budget overrun"),
   "budget-kept": t("Latency budget kept again"),
   "late-reply": t("Late reply"),

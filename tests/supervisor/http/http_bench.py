@@ -60,6 +60,7 @@ LINE = {
     "restaged": 0,
     "unknown_modes": 0,
     "unmapped_reads": 0,
+    "internal_faults": 0,
     "crc_errors": 3,
     "malformed": 0,
     "budget_overruns": 0,

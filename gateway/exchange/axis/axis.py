@@ -1,9 +1,37 @@
-"""What can happen to an axis, each as one method: nothing else changes its state.
+"""One axis on its line: its machines, what its drive holds, and what each thing that happens makes of them.
 
-What one of several states becomes is a table: :data:`WHEREABOUTS_AFTER`, :data:`REFERENCE_AFTER`,
-:data:`BLOCK_AFTER`. What is not in a table changes nothing. A method says what follows
-beside the table; what it changes is the axis alone, and what is to be told of it, which the line passes on
-(``events``).
+Theory of operation
+===================
+
+A controller commands *nominal* positions, its drive is told *corrected* ones. What is added depends on where
+the axis is to go, and, as a worn screw has lost motion, on the side from which it gets there: its *branch*.
+So two things have to be known of an axis: whether its positions mean anything, and where it is.
+
+Each is a machine in a file of its own: its states, its events and the table of both.
+
+=================  ======================================  ================================================
+machine            says                                    sees
+=================  ======================================  ================================================
+``reference``      whether its positions mean anything     the homed bit, homing, set positions, losses
+``motion``         where it is                             acknowledgements, stops, bits, actual positions
+``acknowledge``    whether its drive has taken a target    frames that leave, their end, readings at both ends
+``interlock``      whether its triggers are refused        targets that were lost, targets that came whole
+``beam``           what the first of a group has fixed     triggers of all axes of its group
+``sight``          whether its drive tells where it is     answers to the gateway's own reads
+=================  ======================================  ================================================
+
+Whether positions are to be corrected a person decides (``is_enabled``), or a drive whose registers were moved
+about (``reference.is_remapped``). While nothing is known, positions pass 1:1 in both directions.
+
+*How it is corrected* at the moment is in ``compensation`` (``gateway.compensation``): direction, blends,
+offset, the last target in both frames, and the readback map that turns readings back.
+
+*What the drive holds* is the register image (``registers``): targets may stand in the drive without being
+run, and parts of them may have been lost. What was lost blocks the triggers (``interlock``).
+
+All of that changes through the methods of :class:`Axis` and nowhere else: each thing that can happen to an
+axis is one of them. What it changes is the axis alone, and what is to be told of it, which the line passes on
+(``events``). Who moves the axis (``hold``) is kept beside it, by ``ownership``.
 """
 
 from collections.abc import Sequence
@@ -12,24 +40,28 @@ from functools import partial
 from math import isfinite
 from typing import Final
 
+from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table
 from gateway.compensation.errors import SettingsError, TableError
 from gateway.compensation.fingerprint import table_digest
 from gateway.compensation.moves import Accepted, Move, State
 from gateway.compensation.readback import Fade, Readback
-from gateway.drives.motion import Action
-from gateway.exchange.axis.beam import Beam, BeamEvent
-from gateway.exchange.axis.events import (
-    AxisRequest,
-    BlockEvent,
-    Command,
-    Happening,
-    Outcome,
-    Part,
-    ReferenceEvent,
-    SteadyTarget,
+from gateway.compensation.settings import Setpoints
+from gateway.drives.motion import Action, Form
+from gateway.exchange.axis.acknowledge import Acknowledgement, Outcome, Proof, Rendering
+from gateway.exchange.axis.axis_request import AxisRequest, Command, Part, SteadyTarget
+from gateway.exchange.axis.beam import Beam, BeamEvent, Fixed
+from gateway.exchange.axis.hold import Hold
+from gateway.exchange.axis.hunting import MOST, Hunting
+from gateway.exchange.axis.interlock import Block, Interlock
+from gateway.exchange.axis.motion import (
+    ON_BRANCH,
+    Actual,
+    KeptOver,
+    Motion,
+    MotionEvent,
+    MotionState,
 )
-from gateway.exchange.axis.hunting import MOST
 from gateway.exchange.axis.record import (
     PROVEN,
     Fate,
@@ -37,45 +69,16 @@ from gateway.exchange.axis.record import (
     Record,
     TableNotFoundError,
     find,
-    lacks_reference,
-    may_have_stopped,
     proof_of,
     state_of,
 )
 from gateway.exchange.axis.record_layout import Remembered, RememberedMove
-from gateway.exchange.axis.registers import JOIN_NS, Loss
-from gateway.exchange.axis.state import (
-    AT_ONE_END,
-    AT_REST,
-    HOMING,
-    HOMING_SETTLE_NS,
-    ON_BRANCH,
-    ON_WAY,
-    PROOF_AFTER,
-    RETAINING,
-    SIGHT_AFTER,
-    TARGETED,
-    WAS_THERE,
-    Actual,
-    AxisState,
-    Block,
-    End,
-    Fixed,
-    KeptOver,
-    OnWire,
-    Proof,
-    Referenced,
-    Rendering,
-    Retained,
-    Said,
-    Sight,
-    Switched,
-    Told,
-    Whereabouts,
-)
+from gateway.exchange.axis.reference import AxisReference, ReferenceEvent
+from gateway.exchange.axis.registers import JOIN_NS, FieldImage, Loss, RuleImage
+from gateway.exchange.axis.sight import SIGHT_AFTER, Sight, Told
 from gateway.exchange.axis.terms import Terms
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.field_counts import counts_of, raw_of
+from gateway.exchange.field_counts import counts_of, raw_of, steps_of
 from gateway.exchange.plan import (
     ALARM_BIT,
     DONE_BIT,
@@ -83,8 +86,8 @@ from gateway.exchange.plan import (
     MOVING_BIT,
     AxisPlan,
     CompensationMode,
-    Reference,
 )
+from gateway.modbus.pdu import ExceptionCode
 from gateway.modbus.registers import PositionField
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -92,7 +95,13 @@ SEEN_LATELY_NS: Final = 500 * NS_PER_MS
 """An actual position seen so long ago says where a stream begins, where none can be read."""
 RESTAGED_EVERY_NS: Final = 60 * NS_PER_S
 """How often restaging is reported; all of it is counted."""
-
+_SAYS_NOTHING_WRITTEN: Final = frozenset(
+    {
+        ExceptionCode.ILLEGAL_DATA_ADDRESS,
+        ExceptionCode.ILLEGAL_DATA_VALUE,
+        ExceptionCode.SERVER_DEVICE_FAILURE,
+    }
+)
 MOVES_OTHERWISE: Final = frozenset(
     {
         Action.STOP,
@@ -104,167 +113,242 @@ MOVES_OTHERWISE: Final = frozenset(
     }
 )
 """Actions after which the last target does not say any more where the axis is."""
-
-# A member is looked up slowly, and these are asked for with each move.
-_UNDER_WAY: Final = Whereabouts.UNDER_WAY
-_SET_OUT: Final = Whereabouts.SET_OUT
-_STOPPED: Final = Whereabouts.STOPPED
-_ARRIVED: Final = Whereabouts.ARRIVED
-_NOTHING: Final = OnWire.NOTHING
-_REFUSED: Final = Sight.REFUSED
+_REFUSED: Final = Sight.REFUSED  # a member is looked up slowly, and these are asked for with each sample
+_MOVING: Final = MotionState.MOVING
+_SUPERSEDED: Final = MotionState.SUPERSEDED
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
 
-_UNPROVEN: Final = frozenset({Whereabouts.UNPROVEN, Whereabouts.UNPROVEN_AT_REST})
 
-WHEREABOUTS_AFTER: Final[dict[tuple[Whereabouts, Happening], Whereabouts]] = {
-    **{(place, Happening.ACKNOWLEDGED): Whereabouts.UNDER_WAY for place in Whereabouts},
-    **{(place, Happening.ACKNOWLEDGED_AT_REST): Whereabouts.SET_OUT for place in Whereabouts},
-    **{(place, Happening.UNACKNOWLEDGED): Whereabouts.UNPROVEN for place in Whereabouts},
-    **{(place, Happening.RAN_NOT): Whereabouts.UNDER_WAY for place in _UNPROVEN},
-    **{
-        (place, Happening.STOPPED): Whereabouts.STOPPED if place in ON_BRANCH else Whereabouts.UNKNOWN
-        for place in Whereabouts
-    },
-    **{(place, Happening.DISPLACED): Whereabouts.UNKNOWN for place in Whereabouts},
-    **{
-        (place, Happening.OUT_OF_REACH): Whereabouts.OUT_OF_REACH
-        if place in TARGETED
-        else Whereabouts.UNKNOWN
-        for place in set(Whereabouts) - RETAINING
-    },
-    **{(place, Happening.REFERENCE_CHANGED): Whereabouts.RETAINED for place in TARGETED | RETAINING},
-    **{(place, Happening.AWAY): Whereabouts.UNKNOWN for place in RETAINING},
-    (Whereabouts.UNPROVEN, Happening.DONE): Whereabouts.UNPROVEN_AT_REST,
-    (Whereabouts.UNPROVEN, Happening.DONE_ALONE): Whereabouts.UNPROVEN_AT_REST,
-    **{(place, Happening.DONE): Whereabouts.DONE_SAID for place in ON_WAY},
-    **{(place, Happening.DONE_ALONE): Whereabouts.ARRIVED for place in ON_WAY},
-    **{(place, Happening.THERE): Whereabouts.SEEN_THERE for place in ON_WAY},
-    (Whereabouts.DONE_SAID, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
-    (Whereabouts.DONE_SAID, Happening.THERE): Whereabouts.ARRIVED,
-    (Whereabouts.DONE_SAID, Happening.AWAY): Whereabouts.UNKNOWN,
-    (Whereabouts.SEEN_THERE, Happening.DONE): Whereabouts.ARRIVED,
-    (Whereabouts.SEEN_THERE, Happening.NEAR): Whereabouts.UNDER_WAY,
-    (Whereabouts.SEEN_THERE, Happening.AWAY): Whereabouts.UNKNOWN,
-    (Whereabouts.ARRIVED, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
-    (Whereabouts.ARRIVED, Happening.NEAR): Whereabouts.STANDS_AGAIN,
-    (Whereabouts.ARRIVED, Happening.AWAY): Whereabouts.UNKNOWN,
-    (Whereabouts.MAY_HAVE_LEFT, Happening.DONE): Whereabouts.STANDS_AGAIN,
-    (Whereabouts.MAY_HAVE_LEFT, Happening.AWAY): Whereabouts.UNKNOWN,
-    (Whereabouts.STANDS_AGAIN, Happening.FELL): Whereabouts.MAY_HAVE_LEFT,
-    (Whereabouts.STANDS_AGAIN, Happening.THERE): Whereabouts.ARRIVED,
-    (Whereabouts.STANDS_AGAIN, Happening.AWAY): Whereabouts.UNKNOWN,
-}
-"""What each happening makes of each place; what is not here changes nothing."""
+class Axis:
+    """An axis on its line: what is known of it, and what can happen to it. See the module."""
 
-_TOLD_BY_BIT: Final = [each for each in Referenced if each is not Referenced.HOMING]
-"""States of a reference that a bit of the drive decides: a homing command leaves it in doubt."""
-_DOUBTED_AGAIN: Final = {
-    Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
-    Referenced.LOST: Referenced.LOST_IN_DOUBT,
-    Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
-    Referenced.FOUND: Referenced.LOST_IN_DOUBT,
-    Referenced.FOUND_IN_DOUBT: Referenced.LOST_IN_DOUBT,
-}
-
-REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceEvent, dict[Referenced, Referenced]]]] = {
-    Reference.ABSOLUTE: {
-        ReferenceEvent.SET_AT_REST: {Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.SET_MOVING: {Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND},
-    },
-    Reference.SET_POSITION: {  # nothing hangs on homing: what counts is the position that is set after it
-        ReferenceEvent.HOMING: {Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.SET_AT_REST: {Referenced.LOST: Referenced.FOUND},
-        ReferenceEvent.SET_MOVING: {Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.LOSS: {Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND},
-    },
-    Reference.HOMING: {
-        ReferenceEvent.BIT_SET: {Referenced.HOMING: Referenced.FOUND},
-        ReferenceEvent.HOMING: {Referenced.LOST: Referenced.HOMING, Referenced.FOUND: Referenced.HOMING},
-        ReferenceEvent.OTHER_MOTION: {Referenced.HOMING: Referenced.LOST},
-        ReferenceEvent.SET_AT_REST: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.SET_MOVING: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.LOSS: {Referenced.HOMING: Referenced.LOST, Referenced.FOUND: Referenced.LOST},
-        ReferenceEvent.DECLARED: {Referenced.LOST: Referenced.FOUND, Referenced.HOMING: Referenced.FOUND},
-    },
-    Reference.DRIVE_BIT: {  # once the bit was seen to be down a homing has begun: the next one set ends it
-        ReferenceEvent.BIT_SET: dict.fromkeys(_TOLD_BY_BIT, Referenced.FOUND),
-        ReferenceEvent.BIT_CLEAR: dict.fromkeys(_TOLD_BY_BIT, Referenced.LOST),
-        ReferenceEvent.HOMING: {
-            Referenced.UNTOLD: Referenced.UNTOLD_HOMING,
-            Referenced.LOST: Referenced.HOMING_IN_DOUBT,
-            Referenced.LOST_IN_DOUBT: Referenced.HOMING_IN_DOUBT,
-            Referenced.FOUND: Referenced.HOMING_IN_DOUBT,
-            Referenced.FOUND_IN_DOUBT: Referenced.HOMING_IN_DOUBT,
-        },
-        ReferenceEvent.OTHER_MOTION: {
-            Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
-            Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
-        },
-        ReferenceEvent.SET_AT_REST: _DOUBTED_AGAIN,
-        ReferenceEvent.SET_MOVING: _DOUBTED_AGAIN,
-        ReferenceEvent.LOSS: {
-            Referenced.UNTOLD_HOMING: Referenced.UNTOLD,
-            Referenced.LOST: Referenced.LOST_IN_DOUBT,
-            Referenced.HOMING_IN_DOUBT: Referenced.LOST_IN_DOUBT,
-            Referenced.FOUND: Referenced.FOUND_IN_DOUBT,
-        },
-        ReferenceEvent.SILENCE: {
-            Referenced.LOST: Referenced.LOST_IN_DOUBT,
-            Referenced.FOUND: Referenced.FOUND_IN_DOUBT,
-        },
-    },
-}
-"""What each event makes of each state of the reference, by the way in which it is known."""
-
-REFERENCE_AT_START: Final = {
-    Reference.ABSOLUTE: Referenced.FOUND,
-    Reference.DRIVE_BIT: Referenced.UNTOLD,
-    Reference.HOMING: Referenced.LOST,
-    Reference.SET_POSITION: Referenced.LOST,
-}
-
-BLOCK_AFTER: Final[dict[tuple[Block, BlockEvent], Block]] = {
-    (Block.NONE, BlockEvent.LOST): Block.OWN,
-    (Block.OF_GROUP, BlockEvent.LOST): Block.OWN,
-    (Block.NONE, BlockEvent.LOST_OF_GROUP): Block.OF_GROUP,
-    (Block.OWN, BlockEvent.COMPLETED): Block.NONE,
-    (Block.OF_GROUP, BlockEvent.COMPLETED): Block.NONE,
-}
-"""What each event makes of each block."""
-
-
-class Axis(AxisState):
-    """An axis on its line: its state, and what can happen to it."""
-
-    __slots__ = ("beam", "peers", "record", "terms")
+    __slots__ = (
+        "acknowledgement",
+        "asked_actual",
+        "asked_commanded",
+        "base",
+        "beam",
+        "began",
+        "compensation",
+        "events",
+        "fields",
+        "fixed",
+        "has_branches",
+        "hold",
+        "holds_unrun",
+        "hunting",
+        "interlock",
+        "is_alarmed",
+        "is_dry_run",
+        "is_enabled",
+        "last_run",
+        "limit_fields",
+        "may_read",
+        "motion",
+        "peers",
+        "plan",
+        "record",
+        "reference",
+        "rules",
+        "sight",
+        "silent_since_ns",
+        "silent_until_ns",
+        "terms",
+        "told_referenced",
+        "told_restaged_ns",
+        "told_unknown",
+        "told_unsure",
+        "wanted",
+    )
 
     def __init__(self, plan: AxisPlan) -> None:
-        super().__init__(plan)
-        self.terms = Terms(plan) if plan.thermal or plan.cross else None
+        self.plan = plan
+        # --- what of the plan is asked for with each request
+        self.is_dry_run = plan.compensation is CompensationMode.SHADOW
+        """Whether it is a dry run: computed and shown, written and read 1:1 (``compensation = "shadow"``).
+
+        The only one of these that changes: a reload may end it (``Axis.end_dry_run``).
+        """
+        self.may_read = plan.safe_read and plan.added_frames
+        """Whether the gateway may add reads of this axis's registers (W8)."""
+        self.asked_actual = self.asked(plan.actual)
+        """The actual position that the gateway may read by itself (W8); None: it only sees it in passing."""
+        self.sight = Sight.OPEN
+        """Whether its drive tells that; where it does not, ``asked_actual`` is None."""
+        self.asked_commanded = self.asked(plan.commanded)
+        """The same of the drive's own commanded position."""
+        # --- what the drive holds
+        self.fields = [FieldImage(each, waits=plan.motion.waits_for_trigger) for each in plan.command]
+        self.limit_fields = [FieldImage(each) for each in plan.limits]
+        self.rules = RuleImage(plan.motion)
+        self.holds_unrun = False
+        """A target was written since a trigger ran one."""
+        self.last_run = Action.ABSOLUTE
+        """How the last target was meant: the best guess for one that is staged before its mode is known."""
+        # --- its machines
+        self.compensation = AxisCompensation(plan.settings)
+        self.reference = AxisReference(plan, self.tell_fault)
+        self.acknowledgement = Acknowledgement(self.tell_fault)
+        self.motion = Motion(plan, self.compensation, self.acknowledgement, self.fields, self.tell_fault)
+        self.interlock = Interlock(self.tell_fault)
+        self.is_alarmed = False
+        """Its alarm bit was set when it was seen last: only its rise tells of something."""
+        self.silent_since_ns: int | None = None
+        self.silent_until_ns = 0
+        """The first and the last request since then that its drive left unanswered."""
+        # --- its group
         self.peers: tuple[Axis, ...] = ()
         """The other axes of its group (M11)."""
         self.beam: Beam | None = None
         """What the first trigger of its group has fixed; one for all of its axes."""
+        self.fixed: Fixed | None = None
+        """What counts in place of reference and switch until its group has gone (M11); None: nothing does."""
+        # --- what correction is wanted
+        self.is_enabled = plan.compensation is not CompensationMode.OFF
+        """Whether a person or the configuration wants the table to be applied."""
+        self.terms = Terms(plan) if plan.thermal or plan.cross else None
+        self.base: CorrectionSpec = NOTHING
+        """What the table asks for."""
+        self.wanted: CorrectionSpec = NOTHING
+        """The same with its terms."""
+        self.has_branches = False
+        """Whether the direction of travel makes a difference to the correction."""
+        # --- who moves it, what is kept of it, and what is to be told
+        self.hold = Hold(plan.writer_hold_s, is_shared=not plan.has_one_writer)
+        self.hunting = Hunting()
         self.record: Record | None = None
         """What is kept of it for the next run of the gateway."""
-        self.reference = REFERENCE_AT_START[plan.referenced]
-        self.switched = Switched.OFF if plan.compensation is CompensationMode.OFF else Switched.ON
+        self.events: list[Event] = []
+        """What the line has still to report."""
+        self.began: tuple[float, float] | None = None
+        """Offset with which a stream has begun and what of it was motion, in units, until it is told."""
+        self.told_unsure = False
+        self.told_restaged_ns: int | None = None
+        self.told_unknown: tuple[tuple[int, int], ...] | None = None
+        """Register contents that were reported as unknown last."""
         self._choose_correction()
-        if self.is_referenced:
+        if self.reference.is_referenced:
             self.compensation.find_reference(self.wanted)
-        self.told_referenced = None if self.follows_homed_bit else self.is_referenced
+        self.told_referenced = None if self.reference.follows_homed_bit else self.reference.is_referenced
+
+    @property
+    def goes_as_referenced(self) -> bool:
+        """Whether its next target goes as that of an axis that knows where it is (M11)."""
+        fixed = self.fixed
+        return self.reference.is_referenced if fixed is None else fixed.is_referenced
+
+    @property
+    def passes_unchanged(self) -> bool:
+        """Whether words of this axis go through 1:1 in both directions (M9)."""
+        return self.is_dry_run or self.compensation.is_passing
+
+    @property
+    def reads_unchanged(self) -> bool:
+        """Whether what is read of it goes through 1:1: not yet while the last correction fades out."""
+        return self.passes_unchanged and (self.is_dry_run or self.compensation.readback.fade is None)
+
+    def needs_reference(self, now_ns: int, *, is_target: bool) -> bool:
+        """Whether the homed bit has to be read before this axis's positions pass.
+
+        A stream of setpoints is not held up for an old bit while the axis is referenced. Nor is anything of a
+        group of which one axis has gone: its reference is fixed.
+        """
+        if not self.may_read or self.fixed is not None:
+            return False
+        reference = self.reference
+        is_stream = self.plan.settings.setpoints is Setpoints.STREAM
+        before_target = is_target and not (is_stream and reference.is_referenced)
+        return reference.needs_reading(now_ns, before_target=before_target)
+
+    @property
+    def is_unsure(self) -> bool:
+        """Whether the branch in force was assumed, where there are two and they count."""
+        is_assumed = self.compensation.is_unsure or self.motion.is_distance_unproven
+        return is_assumed and self.has_branches and not self.compensation.is_passing
+
+    @property
+    def is_out_of_sight(self) -> bool:
+        """Whether it is not asked where it is because its drive refuses to tell."""
+        return self.sight is Sight.REFUSED
+
+    def asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
+        """Return the one of some positions that the gateway may read by itself; None: none."""
+        return fields[0] if self.may_read and fields and fields[0].is_readable else None
+
+    def is_repeat(self, number: int, nominal_words: bytes) -> bool:
+        """Whether a command field is written with what the drive acknowledged there already (M4)."""
+        image = self.fields[number]
+        return (
+            self.compensation.accepted is not None
+            and not image.is_torn
+            and image.nominal_words == nominal_words
+            and image.corrected_words is not None
+            and (number != self.motion.last_number or self.is_dry_run or self.motion.holds_target(number))
+        )
+
+    @property
+    def writes_words_alone(self) -> bool:
+        """Whether the drive takes single registers only: a word is sent as it is written."""
+        return self.plan.writes_with is Form.FC06
+
+    def writes_nothing(self, code: int, *, reads_too: bool) -> bool:
+        """Whether an exception to a write proves that nothing was written (M7).
+
+        A function code that a drive does not know it cannot have carried out. What is wrong with an address,
+        a value or the drive itself (2 to 4) proves it where the register map says so; not of a frame that
+        reads too, whose reading may have been refused after the writing. Busy, acknowledge and the codes of
+        gateways never prove it.
+        """
+        if code == ExceptionCode.ILLEGAL_FUNCTION:
+            return True
+        return code in _SAYS_NOTHING_WRITTEN and self.plan.exception_writes_nothing and not reads_too
+
+    def nominal_words(self, field_: PositionField, words: bytes, readback: Readback) -> bytes:
+        """Turn words reported by the drive into what the controller is to see.
+
+        Raises:
+            RegisterRangeError: the nominal position does not fit the register.
+        """
+        corrected = field_.unpack(words)
+        if not isfinite(corrected):
+            return words
+        corrected_counts = counts_of(field_, corrected)
+        accepted = self.compensation.accepted
+        if accepted is not None:
+            corrected_target = accepted.corrected_counts
+            # A register in coarser steps than that of the target says the same of the places around it.
+            if corrected_counts == corrected_target or corrected == raw_of(field_, corrected_target):
+                return field_.pack(raw_of(field_, accepted.nominal_counts))
+        correction = readback.correction_counts(corrected_counts)
+        if not correction:
+            return words
+        return field_.pack(corrected - steps_of(field_, correction))
 
     def tell(self, kind: EventKind, detail: str = "") -> None:
         """Report something about this axis."""
         self.events.append(Event(kind, self.plan.name, detail))
 
+    def tell_fault(self, sentence: str) -> None:
+        """One of its machines met an event that cannot be in its state: a bug of this program.
+
+        The safest counts from now on: nobody knows where the axis is, its reference is lost where a bit tells
+        it anew, its triggers are refused until a complete target was accepted.
+        """
+        self.tell(EventKind.INTERNAL_FAULT, sentence)
+        self.motion.enter(MotionState.UNKNOWN)
+        if self.reference.follows_homed_bit:
+            was_referenced = self.reference.is_referenced
+            self.reference.doubt()
+            self._follow_reference(was_referenced=was_referenced)
+        why = "the gateway has a fault: triggers are refused until a complete target was accepted"
+        self.block_triggers(ExceptionCode.SERVER_DEVICE_FAILURE, why)
+
     def take_events(self) -> tuple[Event, ...]:
         """Return what is to be reported of this axis, each change once; its record says the same then."""
         if self.record is not None:
             self.publish()
-        if self.is_referenced is not self.told_referenced and self.is_reference_told:
+        reference = self.reference
+        if reference.is_referenced is not self.told_referenced and reference.was_told:
             self._tell_reference()
         if self.is_unsure is not self.told_unsure:
             self.told_unsure = self.is_unsure
@@ -280,53 +364,22 @@ class Axis(AxisState):
         return taken
 
     def _tell_reference(self) -> None:
-        self.told_referenced = self.is_referenced
-        if self.is_referenced:
+        self.told_referenced = self.reference.is_referenced
+        if self.reference.is_referenced:
             self.tell(EventKind.AXIS_REFERENCED)
             return
         detail = "the drive does not say that it is homed: positions pass 1:1"
-        if not self.follows_homed_bit:
+        if not self.reference.follows_homed_bit:
             detail = "it may not stand where its drive says any more: positions pass 1:1"
-        if self.waits_for_peers and self.is_found:
+        if self.reference.waits_for_peers and self.reference.is_found:
             detail = "another axis of its group is not referenced: positions pass 1:1"
         self.tell(EventKind.REFERENCE_LOST, detail)
 
     # --- where it is -----------------------------------------------------------------------------------
 
-    def happens(self, happening: Happening) -> None:
-        """Go on to the place that the table says, and let go of what belongs to other places."""
-        place = WHEREABOUTS_AFTER.get((self.whereabouts, happening))
-        if place is None:
-            return
-        self.whereabouts = place
-        if place not in TARGETED:
-            self.compensation.forget_target()
-        if self.unproven is not None and place not in _UNPROVEN:
-            if self.pending is self.unproven and self.on_wire is _NOTHING:
-                self.pending = None  # its record need not name it any more
-            self.unproven = None
-        if place not in RETAINING:
-            self.retained = None
-
-    def _send_off(self, now_ns: int) -> None:
-        """The drive is made to move, or may be: what it said before is of the time before."""
-        self.sent_off_ns = now_ns
-        self.said = Said.NOTHING
-
-    def displace(self, moved_ns: int | None = None, *, keeps_branch: bool = False) -> None:
-        """Something else than the last target decides where the axis is (M5).
-
-        ``moved_ns``: since when it may be on a new way; None: it is on none. ``keeps_branch``: it came there
-        by the last target all the same, as after a stop.
-        """
-        self.happens(Happening.STOPPED if keeps_branch else Happening.DISPLACED)
-        if moved_ns is not None:
-            self._send_off(moved_ns)
-        self.is_moving = False
-
     def forget(self) -> None:
         """Where the axis is and what its drive holds is unknown (M7)."""
-        self.displace()
+        self.motion.displace()
         self._forget_words()
 
     def _forget_words(self) -> None:
@@ -341,11 +394,7 @@ class Axis(AxisState):
         """
         if self.beam is not None:
             self._group_happens(BeamEvent.ENDED)
-        retained = self.retained_target
-        over = KeptOver.ORDERLY_CLOSE if was_closed else KeptOver.LOSS
-        self.happens(Happening.DISPLACED if retained is None else Happening.OUT_OF_REACH)
-        self.retained = None if retained is None else retained._replace(over=over)
-        self.is_moving = False
+        self.motion.lose_reach(KeptOver.ORDERLY_CLOSE if was_closed else KeptOver.LOSS)
         self._forget_words()
 
     def doubt_words(self) -> None:
@@ -357,14 +406,13 @@ class Axis(AxisState):
 
     def _reference_happens(self, event: ReferenceEvent) -> None:
         """Go on to the state of the reference that the table says, and put it into force."""
-        was_referenced = self.is_referenced
-        after = REFERENCE_AFTER[self.plan.referenced].get(event, {})
-        self.reference = after.get(self.reference, self.reference)
+        was_referenced = self.reference.is_referenced
+        self.reference.happens(event)
         self._follow_reference(was_referenced=was_referenced)
 
     def _follow_reference(self, *, was_referenced: bool) -> None:
         """Put into force what the reference is now."""
-        is_referenced = self.is_referenced
+        is_referenced = self.reference.is_referenced
         if is_referenced is was_referenced:
             return
         if self.fixed is not None:
@@ -374,41 +422,19 @@ class Axis(AxisState):
 
     def _take_reference(self, *, is_referenced: bool) -> None:
         """Let positions mean something from now on, or nothing."""
-        retained = self.retained_target
-        if self.compensation.is_stream:
-            self.displace(keeps_branch=True)  # a stream keeps its offset
-        elif retained is None:
-            self.displace()
-        else:
-            self._retain_target(retained)
-            self.is_moving = False
+        self.motion.change_reference()
         self.doubt_words()
         if is_referenced:
-            self.actual = None  # it may have been counted from another zero
+            self.motion.actual = None  # it may have been counted from another zero
             self.compensation.find_reference(self.wanted)
         else:
             self.compensation.lose_reference()
 
-    def _retain_target(self, retained: Retained) -> None:
-        """Let the last target mean nothing, and its repeat move nothing."""
-        self.happens(Happening.REFERENCE_CHANGED)
-        self.retained = retained
-
     def see_homed_bit(self, now_ns: int, *, is_set: bool) -> None:
         """Take note of the drive's homed bit, where it decides."""
-        if is_set and self.reference in HOMING and now_ns - self.homing_since_ns < HOMING_SETTLE_NS:
-            return  # it may be that of the homing before
-        self.reference_seen_ns = now_ns
-        self._reference_happens(ReferenceEvent.BIT_SET if is_set else ReferenceEvent.BIT_CLEAR)
-
-    def _see_end_of_homing(self, now_ns: int, *, is_set: bool) -> None:
-        """Take note of the bit that ends a homing command."""
-        if self.plan.referenced is not Reference.HOMING or self.reference is not Referenced.HOMING:
-            return
-        if not is_set:
-            self.homing_since_ns = now_ns - HOMING_SETTLE_NS
-        elif now_ns - self.homing_since_ns >= HOMING_SETTLE_NS:
-            self._reference_happens(ReferenceEvent.BIT_SET)
+        was_referenced = self.reference.is_referenced
+        self.reference.see_homed_bit(now_ns, is_set=is_set)
+        self._follow_reference(was_referenced=was_referenced)
 
     def lose_reference(self) -> None:
         """The drive may have lost its position."""
@@ -425,20 +451,19 @@ class Axis(AxisState):
         if self.beam is not None:
             self.follow_group()
         for member in members:
-            if member.retained is not None:
-                member.retained = member.retained._replace(over=KeptOver.DECLARATION)
+            member.motion.keep_over(KeptOver.DECLARATION)
 
     def follow_group(self) -> None:
         """Compensate the axes of its group only while every one of them knows where it is (M11)."""
         members = (self, *self.peers)
-        is_whole = all(member.is_found for member in members)
+        is_whole = all(member.reference.is_found for member in members)
         for member in members:
             member.wait_for_peers(waits=not is_whole)
 
     def wait_for_peers(self, *, waits: bool) -> None:
         """Another axis of the group does not know where it is, or all of them do."""
-        was_referenced = self.is_referenced
-        self.waits_for_peers = waits
+        was_referenced = self.reference.is_referenced
+        self.reference.waits_for_peers = waits
         self._follow_reference(was_referenced=was_referenced)
 
     def join(self, peers: "tuple[Axis, ...]", beam: Beam) -> None:
@@ -479,11 +504,18 @@ class Axis(AxisState):
 
     def fix(self, run: Rendering | None, *, keeps_words: bool) -> None:
         """Its group goes: reference and correction are what they are now, until nothing is fixed any more."""
-        accepted, actual = self.compensation.accepted, self.actual
+        accepted, actual = self.compensation.accepted, self.motion.actual
         nominal_counts = None if accepted is None else accepted.nominal_counts
         if nominal_counts is None and actual is not None:
-            nominal_counts = self.nominal_of(actual.counts)
-        self.fixed = Fixed(self.goes_as_referenced, self.whereabouts, nominal_counts, run, keeps_words)
+            nominal_counts = self.motion.nominal_of(actual.counts)
+        self.fixed = Fixed(
+            self.goes_as_referenced,
+            self.motion.state,
+            self.motion.has_reported_done,
+            nominal_counts,
+            run,
+            keeps_words,
+        )
 
     def release(self) -> None:
         """What was put off comes into force: as ever, with the next different target."""
@@ -492,9 +524,9 @@ class Axis(AxisState):
             return
         if fixed.has_other_correction:
             self._choose_correction()
-        if fixed.is_referenced and (fixed.was_lost or not self.is_referenced):
+        if fixed.is_referenced and (fixed.was_lost or not self.reference.is_referenced):
             self._take_reference(is_referenced=False)
-        if self.is_referenced and (fixed.was_lost or not fixed.is_referenced):
+        if self.reference.is_referenced and (fixed.was_lost or not fixed.is_referenced):
             self._take_reference(is_referenced=True)
         self._want()
 
@@ -555,7 +587,9 @@ class Axis(AxisState):
         elif command is not None and outcome is Outcome.ACKNOWLEDGED:
             is_distance = self.last_run.is_relative
             if fixed.has_gone:
-                is_other = any(is_distance or not self._holds_target(number) for number in command.written)
+                is_other = any(
+                    is_distance or not self.motion.holds_target(number) for number in command.written
+                )
             else:
                 is_other = fixed.may_have_gone
                 is_other = is_other and any(not self._holds_unproven(number) for number in command.written)
@@ -575,7 +609,7 @@ class Axis(AxisState):
 
     def may_have_gone_to(self, number: int, nominal_words: bytes) -> bool:
         """Whether some words are the absolute target that was sent last and never acknowledged."""
-        unproven, field = self.unproven, self.plan.command[number]
+        unproven, field = self.motion.unacknowledged, self.plan.command[number]
         if unproven is None or unproven.move is None or unproven.is_distance:
             return False
         return counts_of(field, field.unpack(nominal_words)) == unproven.move.nominal_counts
@@ -593,7 +627,7 @@ class Axis(AxisState):
             return True
         if self.fixed is not None:
             return self.fixed.keeps_words
-        is_again = self.unproven is None  # else the others have to come there yet
+        is_again = self.motion.unacknowledged is None  # else the others have to come there yet
         return all(peer.keeps_other_words and (is_again or peer.holds_unrun) for peer in self.peers)
 
     @property
@@ -607,20 +641,20 @@ class Axis(AxisState):
         if self.holds_unrun and number is not None and words is not None:
             spec = self.spec_of_words(number, words)
             return spec is not None and self._is_other(spec)
-        if self.unproven is not None and self.unproven.move is not None:
-            return self._is_other(self.unproven.move.state.spec)
-        if self.retained is not None:
-            return self._is_other(self.retained.move.state.spec)
+        if self.motion.unacknowledged is not None and self.motion.unacknowledged.move is not None:
+            return self._is_other(self.motion.unacknowledged.move.state.spec)
+        if self.motion.superseded is not None:
+            return self._is_other(self.motion.superseded.move.state.spec)
         state = self.compensation.state
         return state.position is None or self._is_other(state.spec)
 
     def spec_of_words(self, number: int, nominal_words: bytes) -> CorrectionSpec | None:
         """With which correction the words were made that a target may keep; None: it is a new one."""
         if self.may_have_gone_to(number, nominal_words):
-            assert self.unproven is not None
-            assert self.unproven.move is not None
-            return self.unproven.move.state.spec
-        retained, accepted = self.retained_as(number, nominal_words), self.compensation.accepted
+            assert self.motion.unacknowledged is not None
+            assert self.motion.unacknowledged.move is not None
+            return self.motion.unacknowledged.move.state.spec
+        retained, accepted = self.motion.superseded_as(number, nominal_words), self.compensation.accepted
         if retained is not None:
             return retained.move.state.spec
         field = self.plan.command[number]
@@ -708,21 +742,21 @@ class Axis(AxisState):
     @property
     def blocked_by(self) -> int | None:
         """Exception code with which its triggers are refused, for a lost target of its own or its group's."""
-        return self.block_code if self.block is not Block.NONE else self.blocked_by_peer
+        return self.interlock.block_code if self.interlock.is_blocked else self.blocked_by_peer
 
     @property
     def blocked_by_peer(self) -> int | None:
         """Exception code of a target that another axis of the group lost for its own sake (M11)."""
         for axis in self.peers:
-            if axis.block is Block.OWN:
-                return axis.block_code
+            if axis.interlock.block is Block.OWN:
+                return axis.interlock.block_code
         return None
 
     # --- what correction is wanted ---------------------------------------------------------------------
 
     def _want(self) -> None:
         """Ask for what its table says, where its positions mean something and nothing else is fixed."""
-        if self.is_referenced and self.fixed is None:
+        if self.reference.is_referenced and self.fixed is None:
             self.compensation.want(self.wanted)
 
     def _choose_correction(self) -> None:
@@ -731,7 +765,7 @@ class Axis(AxisState):
             return
         self.base = NOTHING
         self.has_branches = False
-        if self.switched is Switched.ON and self.plan.table is not None:
+        if self.is_enabled and self.plan.table is not None:
             table = self.plan.table
             self.base = spec_of_table(table, self.plan.settings, digest=table_digest(table))
             curve = self.base.curve
@@ -741,65 +775,47 @@ class Axis(AxisState):
 
     def enable(self, *, is_wanted: bool) -> None:
         """Apply the table, or stop to: with the next different target, never by itself."""
-        if self.switched is not Switched.ENDED:
-            self.switched = Switched.ON if is_wanted else Switched.OFF
+        if not self.reference.is_remapped:
+            self.is_enabled = is_wanted
         self._choose_correction()
         self._want()
 
-    @property
-    def why_not_at_rest(self) -> str:
-        """Why nobody can say that it stands at its last target, "" where it does, or was told none yet.
-
-        In a dry run the drive stands at the target as it was commanded. Where no register tells where it is,
-        nobody ever can: then the last word of its drive has to do.
-        """
-        compensation, accepted = self.compensation, self.compensation.accepted
-        if self.unproven is not None:
-            return "a target of it is not acknowledged"
-        if self.is_moving:
-            return "it moves"
-        if accepted is None:
-            is_untold = self.last_number is None and self.whereabouts is Whereabouts.UNKNOWN
-            return "" if is_untold else "nobody knows where it stands"
-        if self.whereabouts in WAS_THERE and self.whereabouts is not Whereabouts.MAY_HAVE_LEFT:
-            return ""
-        if not self.plan.actual:
-            return ""
-        actual = self.actual
-        if actual is None or not compensation.is_seen:
-            return "nobody has seen it at its target"
-        away_counts = abs(actual.counts - accepted.nominal_counts)
-        return "" if away_counts <= self.plan.settings.in_position_counts else "it is not at its target yet"
-
     def end_dry_run(self) -> None:
         """Apply what was only shown until now, from the next different target on; it stands."""
-        self.plan = replace(self.plan, compensation=CompensationMode.ON)
+        self._take_plan(replace(self.plan, compensation=CompensationMode.ON))
         self.is_dry_run = False
         self._choose_correction()
         self.compensation.end_dry_run()
         if self.plan.actual:
-            self.happens(Happening.THERE)  # else it could not end; so whoever is seen away has been moved
+            self.motion.happens(
+                MotionEvent.IN_WINDOW
+            )  # else it could not end; so whoever is seen away has been moved
         self._want()
+
+    def _take_plan(self, plan: AxisPlan) -> None:
+        """Go by another plan, which knows the same registers."""
+        self.plan = self.motion.plan = plan
 
     def adopt(self, plan: AxisPlan) -> None:
         """Go on with another table or gain; comes into force as in :meth:`enable`."""
-        self.plan = plan
+        self._take_plan(plan)
         self._choose_correction()
         self._want()
 
     def limit(self, plan: AxisPlan) -> None:
         """Go on with other limits, from now on."""
-        self.plan = plan
+        self._take_plan(plan)
         self.compensation.take_limits(plan.settings)
 
     def end(self) -> None:
         """End the compensation until the gateway is started again: its registers mean something else now."""
-        if self.switched is Switched.ENDED:
+        if self.reference.is_remapped:
             return
         self.tell(EventKind.COMPENSATION_ENDED, REMAPPED)
         if self.beam is not None:
             self._group_happens(BeamEvent.ENDED)
-        self.switched = Switched.ENDED
+        self.reference.is_remapped = True
+        self.is_enabled = False
         self._choose_correction()
         self.forget()
         self.compensation.begin_anew()
@@ -822,7 +838,7 @@ class Axis(AxisState):
         """The drive counts from another zero: setpoints begin again from where it is."""
         if self.compensation.is_stream:
             self.compensation.begin_anew()
-            if self.is_referenced:
+            if self.reference.is_referenced:
                 self.compensation.find_reference(self.wanted)
 
     def begin_stream(self, number: int, nominal_words: bytes, fresh: Actual | None, now_ns: int) -> None:
@@ -831,9 +847,9 @@ class Axis(AxisState):
         Read for this setpoint; where the gateway may not read, seen in passing a moment ago.
         """
         actual = fresh
-        if actual is None and self.asked_actual is None and self.actual is not None:
-            is_recent = now_ns - self.actual.seen_ns <= SEEN_LATELY_NS
-            actual = self.actual if is_recent else None
+        if actual is None and self.asked_actual is None and self.motion.actual is not None:
+            is_recent = now_ns - self.motion.actual.seen_ns <= SEEN_LATELY_NS
+            actual = self.motion.actual if is_recent else None
         field_ = self.plan.command[number]
         raw = field_.unpack(nominal_words)
         if actual is None or not isfinite(raw):
@@ -868,7 +884,7 @@ class Axis(AxisState):
         if self.silent_since_ns is None:
             self.silent_since_ns = since_ns
         self.silent_until_ns = now_ns
-        if not self.follows_homed_bit:
+        if not self.reference.follows_homed_bit:
             return
         if self.may_read:
             self._reference_happens(ReferenceEvent.SILENCE)
@@ -889,14 +905,14 @@ class Axis(AxisState):
             self.silent_since_ns = None
         if self.silent_until_ns - since_ns <= self.plan.lost_ms * NS_PER_MS:
             return
-        unproven, pending = self.unproven, self.pending
-        retained = self.retained
-        is_closed = retained is not None and retained.over is KeptOver.ORDERLY_CLOSE
-        self._lose_reach(was_closed=is_closed)
-        if unproven is not None:  # it may have arrived before the drive fell silent
-            self.happens(Happening.UNACKNOWLEDGED)
-            self.unproven, self.pending = unproven, pending
-        self._send_off(self.silent_until_ns)
+        motion, acknowledgement = self.motion, self.acknowledgement
+        target, pending = motion.unacknowledged, acknowledgement.pending
+        kept = motion.superseded
+        self._lose_reach(was_closed=kept is not None and kept.over is KeptOver.ORDERLY_CLOSE)
+        if target is not None:  # it may have arrived before the drive fell silent
+            motion.happens(MotionEvent.NOT_ACKNOWLEDGED, target)
+            acknowledgement.pending = pending
+        self.motion.send_off(self.silent_until_ns)
         self.lose_reference()
 
     def lose_link(self, now_ns: int, *, was_closed: bool = False) -> None:
@@ -904,50 +920,48 @@ class Axis(AxisState):
         if self.record is not None:
             self.record.pause()
         self._lose_reach(was_closed=was_closed)
-        self.actual = None
+        self.motion.actual = None
         self.hear_place(Told.LINK_LOST)
         self.fall_silent(now_ns, now_ns)
 
     def hear_place(self, told: Told) -> None:
         """Take note of what its drive answers when the gateway asks it where the axis is."""
-        self.sight = SIGHT_AFTER[self.sight, told]
+        self.sight = SIGHT_AFTER[self.sight][told]
         self.asked_actual = None if self.is_out_of_sight else self.asked(self.plan.actual)
 
     # --- a target on its way ---------------------------------------------------------------------------
 
     def send_target(self, rendering: Rendering) -> None:
         """A target goes out next: when the process dies now, the drive may hold it or not."""
-        record = self.record
+        record, acknowledgement = self.record, self.acknowledgement
         if record is None:
             return
         if record.recalled is not None:
             self.drop_record("a target came before the axis was read")
         if rendering.move is None and not rendering.is_distance:
             return  # a repeat changes nothing
-        if rendering.move is None or self.pending is not None or self.whereabouts not in ON_BRANCH:
+        is_open = acknowledgement.pending is not None
+        if rendering.move is None or is_open or self.motion.state not in ON_BRANCH:
             self.send_motion()
             return
-        self.on_wire = OnWire.TARGET
-        self.pending = rendering
-        record.keep(self)
+        acknowledgement.send(rendering)
+        record.keep(self.motion, acknowledgement, self.wanted)
 
     def send_steady(self, target: SteadyTarget) -> bool:
         """The same of a target on the fast path; whether it was kept without being rendered.
 
-        It is rendered when it ends in another way than it usually does (:meth:`name_pending`).
+        It is rendered when it ends in another way than it usually does (``Acknowledgement.name``).
         """
         record, steady = self.record, target.steady
         if record is None or steady is None:
             return True  # a repeat changes nothing
-        if self.pending is not None or not record.keep_step(self, steady, target.corrected_counts):
+        acknowledgement = self.acknowledgement
+        if acknowledgement.pending is not None or not record.keep_step(
+            self.motion, self.wanted, steady, target.corrected_counts
+        ):
             return False
-        self.on_wire = OnWire.TARGET
+        acknowledgement.send(None)
         return True
-
-    def name_pending(self, rendering: Rendering) -> None:
-        """Name the target that is on the wire, where it was not rendered before."""
-        if self.on_wire is OnWire.TARGET and self.pending is None:
-            self.pending = rendering
 
     def send_motion(self) -> None:
         """Something goes out that moves the axis in a way that its record does not say."""
@@ -956,15 +970,12 @@ class Axis(AxisState):
             return
         if record.recalled is not None:
             self.drop_record("the axis was moved before it was read")
-        self.on_wire = OnWire.MOTION
-        self.pending = None
-        record.keep(self)
+        self.acknowledgement.send_motion()
+        record.keep(self.motion, self.acknowledgement, self.wanted)
 
     def conclude(self) -> None:
         """What was sent has been answered, or never will be."""
-        self.on_wire = _NOTHING
-        if self.unproven is not self.pending:
-            self.pending = None
+        self.acknowledgement.conclude(self.motion.unacknowledged)
 
     def acknowledge(self, rendering: Rendering, now_ns: int = 0, epoch: int | None = None) -> None:
         """The drive acknowledged a target with its full native success, and goes there (M7).
@@ -972,7 +983,7 @@ class Axis(AxisState):
         ``epoch``: of its field, when the target was sent.
         """
         self.fields[rendering.number].settle(rendering.nominal_words, rendering.corrected_words, epoch)
-        self.heard_ns = now_ns
+        self.motion.heard_ns = now_ns
         if rendering.move is None:
             self.compensation.touch(now_ns)
         else:
@@ -981,39 +992,22 @@ class Axis(AxisState):
     def acknowledge_steady(self, number: int, target: SteadyTarget, now_ns: int) -> None:
         """The same of a target on the fast path: it goes on in its direction, or is a repeat."""
         self.fields[number].settle(target.nominal_words, target.corrected_words, target.epoch)
-        self.heard_ns = now_ns
-        compensation, steady = self.compensation, target.steady
+        self.motion.heard_ns = now_ns
+        steady = target.steady
         if steady is None:
-            compensation.touch(now_ns)
-            return
-        was_seen = compensation.is_seen
-        compensation.go_on(steady, target.corrected_counts, is_reached=self.whereabouts is _ARRIVED)
-        self._set_out(number, now_ns, was_seen=was_seen)
+            self.compensation.touch(now_ns)
+        else:
+            self.motion.go_on(number, steady, target.corrected_counts, now_ns)
 
     def go(self, rendering: Rendering, move: Move, now_ns: int) -> None:
         """The axis goes to a target, or has gone there, whatever its registers hold by now."""
-        compensation, place = self.compensation, self.whereabouts
+        compensation = self.compensation
         if (
             not compensation.is_stream
             and compensation.state.travel.direction is not move.state.travel.direction
         ):
             self._note_branch_change(now_ns)
-        target = (move.nominal_counts, rendering.corrected_counts)
-        is_same_way = place is _SET_OUT and compensation.accepted == target
-        was_seen = compensation.is_seen
-        compensation.commit(move, rendering.corrected_counts, is_reached=place is _ARRIVED)
-        self._set_out(rendering.number, now_ns, was_seen=was_seen, is_same_way=is_same_way)
-
-    def _set_out(self, number: int, now_ns: int, *, was_seen: bool, is_same_way: bool = False) -> None:
-        """It is on its way to the target of a field, from where it was known to stand, or not."""
-        place = self.whereabouts
-        self.last_number = number
-        if place is not _UNDER_WAY and not is_same_way:
-            is_at_rest = place is _ARRIVED or place is _STOPPED or (was_seen and place in WAS_THERE)
-            self.happens(Happening.ACKNOWLEDGED_AT_REST if is_at_rest else Happening.ACKNOWLEDGED)
-        if not self.compensation.is_stream or place in AT_REST:
-            self._send_off(now_ns)
-        self.is_moving = False
+        self.motion.go(rendering, move, now_ns)
 
     def _note_branch_change(self, now_ns: int) -> None:
         if self.has_branches and self.hunting.note_change(now_ns):
@@ -1026,47 +1020,26 @@ class Axis(AxisState):
         Of a repeat it holds the same words in either case.
         """
         is_repeat = rendering.move is None and not rendering.is_distance
-        if is_repeat and (self.compensation.accepted is not None or self.whereabouts in RETAINING):
+        if is_repeat and (self.compensation.accepted is not None or self.motion.state is _SUPERSEDED):
             return
         image = self.fields[rendering.number]
         if image.corrected_words == rendering.corrected_words:
-            rendering = self._marked(rendering, rendering._replace(stood_there=True))
+            rendering = self.acknowledgement.marked(rendering, rendering._replace(stood_there=True))
         self.leave_run_unproven(rendering, now_ns)
         image.leave(rendering.nominal_words, rendering.corrected_words)
         image.forget()
 
     def leave_run_unproven(self, rendering: Rendering, now_ns: int) -> None:
         """A trigger was not acknowledged: the drive holds its target, and may be going there or not."""
-        retained = self.retained_as(rendering.number, rendering.nominal_words)
-        is_same = retained is not None and retained.corrected_words == rendering.corrected_words
+        motion = self.motion
+        kept = motion.superseded_as(rendering.number, rendering.nominal_words)
+        is_same = kept is not None and kept.corrected_words == rendering.corrected_words
         if is_same and not rendering.is_distance:
-            self._send_off(now_ns)  # its repeat is the same words all the same
-            return
-        unproven, before = self.unproven, self.unproven or self.compensation.accepted
-        self.displace(now_ns)
-        if rendering.move is None:
-            return
-        self.happens(Happening.UNACKNOWLEDGED)
-        if before is not None:  # who is seen near both went to either
-            distance_counts = abs(rendering.corrected_counts - before.corrected_counts)
-            is_beside = 0.0 < distance_counts <= 2.0 * self.plan.settings.hysteresis_counts
-            if unproven is not None and not distance_counts:  # the same once more
-                is_beside = unproven.is_beside_another
-            rendering = self._marked(rendering, rendering._replace(is_beside_another=is_beside))
-        self.unproven = rendering
-
-    def _marked(self, rendering: Rendering, marked: Rendering) -> Rendering:
-        """Return a target of which more is known now; its record goes on to name it."""
-        self.pending = marked if self.pending is rendering else self.pending
-        return marked
-
-    def _run_not(self, start: Accepted) -> None:
-        """A distance that was not acknowledged did not run: the axis stands where it would have started."""
-        was_at_rest = self.whereabouts is Whereabouts.UNPROVEN_AT_REST
-        self.happens(Happening.RAN_NOT)
-        self.compensation.accept_again(start)
-        if was_at_rest:
-            self.happens(Happening.DONE if self.plan.actual else Happening.DONE_ALONE)
+            motion.send_off(now_ns)  # its repeat is the same words all the same
+        elif rendering.move is None:
+            motion.displace(now_ns)
+        else:
+            motion.leave_unacknowledged(rendering, now_ns)
 
     # --- a request -------------------------------------------------------------------------------------
 
@@ -1085,7 +1058,7 @@ class Axis(AxisState):
             if (
                 command.is_stop
             ):  # who is found on its way counts as stopped in any case (``may_have_stopped``)
-                is_untold = command.sets_position_too or self.pending is not None
+                is_untold = command.sets_position_too or self.acknowledgement.pending is not None
             else:
                 is_untold = command.action in MOVES_OTHERWISE or command.is_doubtful or runs_unknown
             if is_untold:
@@ -1145,16 +1118,16 @@ class Axis(AxisState):
             if command.sets_position_too:
                 self._move_otherwise(Action.SET_POSITION, now_ns, is_certain=True)
         elif command.is_doubtful:
-            self.displace(now_ns, keeps_branch=True)  # the reading counts on it already
+            self.motion.displace(now_ns, keeps_branch=True)  # the reading counts on it already
         is_whole = not any(self.fields[number].is_torn for number in command.written)
         if command.written and is_whole:
             self._release(command.epoch)
         if command.runs_alone and not request.is_run_known and not self._runs_retained(request):
-            self.displace(now_ns)
+            self.motion.displace(now_ns)
 
     def _runs_retained(self, request: AxisRequest) -> bool:
         """Whether a request runs the target of before a loss as it was: its axis stays where it is."""
-        retained = self.retained
+        retained = self.motion.superseded
         if retained is None:
             return False
         words = (retained.nominal_words, retained.corrected_words)
@@ -1194,20 +1167,20 @@ class Axis(AxisState):
                 if command.sets_position_too:
                     self._move_otherwise(Action.SET_POSITION, now_ns, is_certain=False)
             elif command.runs_alone and not request.is_run_known and not self._runs_retained(request):
-                self.displace(now_ns)
+                self.motion.displace(now_ns)
         if not (is_broadcast or (self.passes_unchanged and is_refusal)):
             self._block_for(command, code)
 
     def _go_unknown(self, request: AxisRequest, now_ns: int) -> None:
         """Nobody knows where the axis goes; flag its branch where its words were not corrected for that."""
-        self.displace(now_ns)
+        self.motion.displace(now_ns)
         if request.is_uncorrected and not self.passes_unchanged:
             self.compensation.doubt()
 
     def _write_blindly(self, request: AxisRequest, now_ns: int) -> None:
         """Nobody knows what command fields hold that were written, nor where the axis goes with them."""
         for image in request.blind:
-            self.displace(now_ns)
+            self.motion.displace(now_ns)
             image.forget()
             if image.is_torn:  # words that were lost before are older than what has gone out by now
                 image.tear(request.arrived_ns)
@@ -1239,18 +1212,17 @@ class Axis(AxisState):
 
     def _move_otherwise(self, action: Action, now_ns: int, *, is_certain: bool) -> None:
         """Something else than a target moves the axis, or stops it, or moves its zero."""
-        is_at_rest = not self.is_moving
+        is_at_rest = not self.motion.is_moving
         moved_ns = None if action in (Action.STOP, Action.SET_POSITION) else now_ns
-        self.displace(moved_ns, keeps_branch=action is Action.STOP)
+        self.motion.displace(moved_ns, keeps_branch=action is Action.STOP)
         if action in (Action.HOME, Action.SET_POSITION):
             self.doubt_words()
-            self.actual = None  # it was counted from another zero
+            self.motion.actual = None  # it was counted from another zero
             self._begin_stream_anew()
         if action is Action.HOME:
-            self.homing_since_ns = now_ns
-            self._reference_happens(ReferenceEvent.HOMING)
-            if not is_certain:
-                self._reference_happens(ReferenceEvent.OTHER_MOTION)
+            was_referenced = self.reference.is_referenced
+            self.reference.begin_homing(now_ns, is_certain=is_certain)
+            self._follow_reference(was_referenced=was_referenced)
         elif action is Action.SET_POSITION:
             is_set_at_rest = is_at_rest and is_certain
             self._reference_happens(
@@ -1281,31 +1253,20 @@ class Axis(AxisState):
 
     def lose_mode(self, address: int, code: int) -> None:
         """The writing of a mode register was lost."""
-        self.epoch += 1
-        self.rules.lose_mode(address, code, self.epoch)
+        self.rules.lose_mode(address, code, self.interlock.begin_epoch())
 
     def block_triggers(self, code: int, why: str, *, is_own: bool = True) -> None:
         """Refuse triggers from now on, and say why if they were not refused before.
 
         ``is_own``: for its own sake, not because another axis of the group was blocked (M11).
         """
-        self.epoch += 1
-        self.blocked_in_epoch = self.epoch
-        if self.block is Block.NONE:
-            self.block_code = code
+        if self.interlock.refuse(code, is_own=is_own):
             self.tell(EventKind.AXIS_BLOCKED, why)
-        self._block_happens(BlockEvent.LOST if is_own else BlockEvent.LOST_OF_GROUP)
-
-    def _block_happens(self, event: BlockEvent) -> None:
-        """Go on to the block that the table says."""
-        self.block = BLOCK_AFTER.get((self.block, event), self.block)
 
     def _release(self, epoch: int) -> None:
         """A complete target was accepted; ``epoch``: when it was sent."""
-        if epoch < self.blocked_in_epoch or self.block is Block.NONE:
-            return
-        self._block_happens(BlockEvent.COMPLETED)
-        self.tell(EventKind.AXIS_RELEASED, "a complete target was accepted: its triggers pass again")
+        if self.interlock.complete(epoch):
+            self.tell(EventKind.AXIS_RELEASED, "a complete target was accepted: its triggers pass again")
 
     def _tell_unknown(self, command: Command) -> None:
         """Report a frame that means something the register map does not know: once for the same contents."""
@@ -1389,176 +1350,77 @@ class Axis(AxisState):
         raw = field_.unpack(words)
         if not isfinite(raw):
             return None
-        before, now = self.actual, Actual(counts_of(field_, raw), asked_ns)
-        was_unseen = self.is_unseen(asked_ns)
-        self.actual = now
-        self.heard_ns = asked_ns
+        before, now = self.motion.actual, Actual(counts_of(field_, raw), asked_ns)
+        was_unseen = self.motion.is_unseen(asked_ns)
+        self.motion.actual = now
+        self.motion.heard_ns = asked_ns
         if self.sight is _REFUSED:
             self.hear_place(Told.PASSING)
         if self.record is not None and self.record.recalled is not None:
             self._decide_record(now)
-        if self.unproven is not None:
-            self._prove(self.unproven, before, now)
+        if self.motion.unacknowledged is not None:
+            self._prove(before, now)
         self.compensation.observe(now.counts)
-        is_at_rest = self.whereabouts in AT_REST
+        is_at_rest = self.motion.is_at_rest
         if self.compensation.accepted is not None:
-            self._see_place(now)
-        elif self.seen_at_retained is False:
+            self.motion.see_place(now)
+        elif self.motion.seen_at_superseded is False:
             for member in (self, *self.peers):  # of a beam all targets of before a loss count, or none (M11)
-                if member.whereabouts in RETAINING:
-                    member.happens(Happening.AWAY)
-        if was_unseen and self.whereabouts in ON_WAY:
-            self._see_way(now)
-        if before is not None and is_at_rest:
-            self._look_for_jump(before, now)
+                if member.motion.state is _SUPERSEDED:
+                    member.motion.happens(MotionEvent.ELSEWHERE)
+        if was_unseen and self.motion.state is _MOVING:
+            self.motion.see_way(now)
+        if before is not None and is_at_rest and self.motion.has_jumped(before, now):
+            self.motion.displace()
+            self.lose_reference()  # its drive counts from another zero now
         return now
 
-    def _prove(self, unproven: Rendering, before: Actual | None, now: Actual) -> None:
+    def _prove(self, before: Actual | None, now: Actual) -> None:
         """Take a target without a reply as accepted when the axis is seen to have gone there (M7)."""
-        if self.is_distance_unproven:
+        target = self.motion.unacknowledged
+        if self.motion.is_distance_unproven:
             self.prove_distance(now, before)
-            return
-        if before is None or unproven.move is None or unproven.is_beside_another:
-            return
-        near = self.plan.settings.hysteresis_counts
-        end = unproven.corrected_counts
-        if abs(now.counts - end) <= near < abs(before.counts - end):
-            self.go(unproven, unproven.move, now.seen_ns)
+        elif target is not None and target.move is not None and self.motion.is_proven(before, now):
+            self.go(target, target.move, now.seen_ns)
 
     def prove_distance(self, now: Actual, before: Actual | None = None) -> None:
-        """Find out whether a distance that was never acknowledged has run: from which of its ends (M5).
-
-        Only of an axis that has had the time to start and may stand. At neither of the ends, or at both,
-        nobody knows where the next distance would begin. So it is with a target that a record names.
-        """
-        unproven = self.unproven
-        if unproven is None or unproven.start is None or unproven.move is None:
+        """Take a distance that was never acknowledged as run, or not, where that is certain now (M5)."""
+        target = self.motion.unacknowledged
+        proof = self.motion.proof_at(now, before)
+        if target is None or target.move is None or target.start is None:
             return
-        proof = unproven.proof
-        if not self.may_stand(now.seen_ns) or not (proof is Proof.ONE or self.says_done):
-            return
-        settings = self.plan.settings
-        window = settings.in_position_counts
-        is_at_end = abs(now.counts - unproven.corrected_counts) <= window
-        is_at_start = abs(now.counts - unproven.start.corrected_counts) <= window
-        end = End.NEITHER if is_at_end is is_at_start else End.END if is_at_end else End.START
-        if proof in AT_ONE_END and (
-            before is None or abs(now.counts - before.counts) > settings.hysteresis_counts
-        ):
-            proof = Proof.TWO  # it creeps
-        proof = PROOF_AFTER[proof, end]
-        if proof is Proof.RAN:
-            self.go(unproven, unproven.move, now.seen_ns)
-        elif proof is Proof.RAN_NOT:
-            self._run_not(unproven.start)
-        elif proof is not unproven.proof:
-            self.unproven = self._marked(unproven, unproven._replace(proof=proof))
+        if proof is Proof.EXECUTED:
+            self.go(target, target.move, now.seen_ns)
+        elif proof is Proof.NOT_EXECUTED:
+            self.motion.run_not(target.start)
 
     def note_rule(self, address: int, word: int) -> None:
         """Note what a mode or trigger register was read to hold."""
         self.rules.note_read(address, word)
 
-    def look(self, actual: Actual, *, is_for_distance: bool) -> None:
-        """The axis was asked for, because nobody had seen it for a while: it may have been moved.
-
-        One that was not at its target yet may be anywhere on its way there; a distance has no base there.
-        """
-        if self.is_at_target(actual.counts) or self.is_seen_at_retained:
-            return
-        is_on_way = self.whereabouts in ON_WAY and self._is_on_way(actual)
-        if is_for_distance or not is_on_way:
-            self.displace()
-
-    def _is_on_way(self, actual: Actual) -> bool:
-        low, high = self.compensation.way
-        window = self.plan.settings.in_position_counts
-        return low - window <= actual.counts <= high + window
-
-    def _see_way(self, actual: Actual) -> None:
-        """Notice that an axis that nobody had seen for a while is not on its way any more (M4, M6).
-
-        Of one that set out from nobody knows where every place is on it; a stream leaves none.
-        """
-        low, high = self.compensation.way
-        is_known = low < high or self.whereabouts is _SET_OUT
-        if is_known and not self.compensation.is_stream and not self._is_on_way(actual):
-            self.displace()
-
     def observe_bit(self, name: str, asked_ns: int, *, is_set: bool) -> None:
         """Note one of the drive's status bits, as it was when asked at ``asked_ns``."""
-        if not self.is_unseen(
+        if not self.motion.is_unseen(
             asked_ns
         ):  # whoever looks again does not see by it where the axis has been since
-            self.heard_ns = asked_ns
+            self.motion.heard_ns = asked_ns
         if name == DONE_BIT:
-            self.observe_done(asked_ns, is_done=is_set)
+            self.motion.observe_done(asked_ns, is_done=is_set)
         elif name == MOVING_BIT:
-            self.is_moving = is_set
+            self.motion.is_moving = is_set
             if DONE_BIT not in self.plan.bits:  # a done bit may be older than this one
-                self.hear(asked_ns, moves=is_set)
+                self.motion.hear(asked_ns, moves=is_set)
         elif name == ALARM_BIT:
             if is_set and not self.is_alarmed:
-                self.displace()  # the drive has given up: it stands somewhere
+                self.motion.displace()  # the drive has given up: it stands somewhere
                 self.lose_reference()
             self.is_alarmed = is_set
-        elif name == HOMED_BIT and self.follows_homed_bit:
+        elif name == HOMED_BIT and self.reference.follows_homed_bit:
             self.see_homed_bit(asked_ns, is_set=is_set)
-        if name == self.homed_bit:
-            self._see_end_of_homing(asked_ns, is_set=is_set)
-
-    def hear(self, asked_ns: int, *, moves: bool) -> None:
-        """Take note of the drive's word that it moves, or stands, wherever it goes."""
-        if asked_ns < self.sent_off_ns:
-            return
-        if moves:
-            self.said = Said.MOVES
-        elif self.said is Said.MOVES:
-            self.said = Said.STOOD
-
-    def observe_done(self, asked_ns: int, *, is_done: bool) -> None:
-        """Note the drive's done bit; of an axis that goes nowhere we know it only says whether it moves."""
-        self.hear(asked_ns, moves=not is_done)
-        if asked_ns < self.sent_off_ns:
-            return
-        has_actual = bool(self.plan.actual)
-        if not is_done:
-            self.happens(Happening.FELL)
-        elif self.has_started(asked_ns) and (has_actual or not self.plan.done_is_in_position):
-            self.happens(Happening.DONE if has_actual else Happening.DONE_ALONE)
-
-    def _see_place(self, actual: Actual) -> None:
-        """Notice that the axis has come to its target, or that something else moved it away (M4)."""
-        if actual.seen_ns < self.sent_off_ns:
-            return
-        accepted = self.compensation.accepted
-        assert accepted is not None
-        if self.is_at_target(actual.counts):
-            if self.whereabouts is _UNDER_WAY and self.compensation.readback.fade is not None:
-                return  # the reading still fades from a start that nobody knew: it may have stood there
-            happening = Happening.THERE
-        elif abs(actual.counts - accepted.corrected_counts) <= self.plan.settings.max_correction_counts:
-            happening = Happening.NEAR
-        elif self.compensation.is_stream and self.whereabouts is Whereabouts.DONE_SAID:
-            return  # a stream lags behind its setpoints, done or not
-        elif self.plan.queues_targets and self.whereabouts is not _ARRIVED:
-            return  # it may have been done with the target before, and be there yet
-        else:
-            happening = Happening.AWAY
-        self.happens(happening)
-
-    def _look_for_jump(self, before: Actual, now: Actual) -> None:
-        """Notice that an axis at rest stands where no motion can have brought it (M9).
-
-        Its drive counts from another zero now.
-        """
-        settings = self.plan.settings
-        if not settings.max_speed:
-            return
-        distance = abs(now.counts - before.counts) / abs(settings.counts_per_unit)
-        reach = settings.max_speed * (now.seen_ns - before.seen_ns) / NS_PER_S + settings.max_correction
-        if distance > 2.0 * reach:
-            self.displace()
-            self.lose_reference()
+        if name == self.reference.bit:
+            was_referenced = self.reference.is_referenced
+            self.reference.see_end_of_homing(asked_ns, is_set=is_set)
+            self._follow_reference(was_referenced=was_referenced)
 
     def read_command_words(
         self, number: int, field_: PositionField, words: bytes, readback: Readback
@@ -1568,7 +1430,7 @@ class Axis(AxisState):
         They also prove that a target arrived which was never acknowledged, unless the drive held the same
         words before; of a distance they say nothing about its having run.
         """
-        unproven, image = self.unproven, self.fields[number]
+        unproven, image = self.motion.unacknowledged, self.fields[number]
         if (
             unproven is not None
             and unproven.number == number
@@ -1577,7 +1439,7 @@ class Axis(AxisState):
             and not unproven.is_distance
             and not self.plan.motion.waits_for_trigger
         ):
-            self.acknowledge(unproven, self.heard_ns)
+            self.acknowledge(unproven, self.motion.heard_ns)
         return image.means(words) or self.nominal_words(field_, words, readback)
 
     def read_back(self, number: int, words: bytes) -> None:
@@ -1586,7 +1448,7 @@ class Axis(AxisState):
         Where they are those of the target of before a lost link, its drive has kept it: nothing else is told
         by that, and what was lost on the way there stays lost (M3).
         """
-        image, retained = self.fields[number], self.retained
+        image, retained = self.fields[number], self.motion.superseded
         if retained is None or retained.number != number or retained.corrected_words != words:
             return
         if image.nominal_words is None and not image.is_torn:
@@ -1608,7 +1470,7 @@ class Axis(AxisState):
     def publish(self) -> None:
         """Let its record say what holds now."""
         if self.record is not None:
-            self.record.publish(self)
+            self.record.publish(self.motion, self.acknowledgement, self.wanted)
 
     def _decide_record(self, actual: Actual) -> None:
         """Find out, with an actual position, whether the record of the run before counts."""
@@ -1616,15 +1478,15 @@ class Axis(AxisState):
         assert record is not None
         recalled = record.recalled
         assert recalled is not None
-        if not self.is_referenced:
-            lacking = [each for each in (self, *self.peers) if lacks_reference(each)]
+        if not self.reference.is_referenced:
+            lacking = [each for each in (self, *self.peers) if each.reference.is_lost]
             if not lacking:
                 return
             if not (self.compensation.is_stream and recalled.is_of_this_boot):
                 if self in lacking:
                     self.drop_record("the axis is not referenced now")
                 return
-        found = find(self, recalled, record.first or actual, actual)
+        found = find(self.motion, recalled, record.first or actual, actual)
         if found is None:
             record.look_first(actual)
         elif isinstance(found, str):
@@ -1660,11 +1522,12 @@ class Axis(AxisState):
         assert recalled is not None
         assert fitting is not None
         finding, actual = fitting
-        find_table = partial(record.find_table, self)
+        find_table = partial(record.find_table, self.plan.table, self.wanted)
         try:
-            state = state_of(self, recalled.state, find_table, actual.seen_ns)
+            settings, wanted, now_ns = self.plan.settings, self.wanted, actual.seen_ns
+            state = state_of(settings, wanted, recalled.state, find_table, now_ns)
             move = recalled.unproven
-            after = None if move is None else state_of(self, move.state, find_table, actual.seen_ns)
+            after = None if move is None else state_of(settings, wanted, move.state, find_table, now_ns)
         except TableNotFoundError:
             self.drop_record("the table that was in force is not the one configured now")
             return
@@ -1675,15 +1538,16 @@ class Axis(AxisState):
         if move is not None and after is not None:
             self._restore_unproven(recalled, move, after, finding)
         self._resume_terms(actual.seen_ns)
-        if not self.is_referenced:
-            self.displace(keeps_branch=self.compensation.is_stream)
+        if not self.reference.is_referenced:
+            self.motion.displace(keeps_branch=self.compensation.is_stream)
             self.compensation.lose_reference()  # what a stream has passed with stays, and fades (M9)
         record.decide(Fate.TAKEN)
         settings, in_force = self.plan.settings, self.compensation.state
         position = (
-            self.compensation.machine_position(self.nominal_of(actual.counts)) - settings.machine_offset
+            self.compensation.machine_position(self.motion.nominal_of(actual.counts))
+            - settings.machine_offset
         )
-        is_open = "; whether it has gone there is not certain yet" if self.is_distance_unproven else ""
+        is_open = "; whether it has gone there is not certain yet" if self.motion.is_distance_unproven else ""
         self.tell(
             EventKind.RESTORED,
             f"goes on from its record: nominal {position:.6g} {settings.units.value}, the drive at "
@@ -1692,30 +1556,39 @@ class Axis(AxisState):
             f"{recalled.generation}{is_open}",
         )
 
+    @property
+    def may_have_stopped(self) -> bool:
+        """Whether an axis that was found on its way may go no further.
+
+        Then its next distance begins where it is. A drive that is only told positions gets its target once
+        more, or another one; one that takes stops and distances may have stopped for want of a master, and
+        its target must be no base of a distance (M5).
+        """
+        return self.motion.has_rules
+
     def _restore(self, recalled: Remembered, state: State, *, is_at_target: bool) -> None:
         """Be where the record says, on its branch, with its correction."""
         accepted = None
-        if is_at_target or (recalled.has_target and not may_have_stopped(self)):
+        if is_at_target or (recalled.has_target and not self.may_have_stopped):
             accepted = Accepted(recalled.nominal_counts, recalled.corrected_counts)
         fade = None if recalled.fade is None else Fade(*recalled.fade)
         came_from = None if recalled.came_from is None else Accepted(*recalled.came_from)
         self.compensation.resume(
             state, accepted, recalled.anchor_counts, fade, recalled.way, came_from=came_from
         )
-        fade = self.compensation.readback.fade
         if accepted is None:
-            self.whereabouts = Whereabouts.STOPPED
+            place = MotionState.STOPPED
         elif not is_at_target:
-            self.whereabouts = _UNDER_WAY  # a record does not say how well the start of the way was known
+            place = _MOVING  # a record does not say how well the start of the way was known
         elif recalled.may_have_left:
-            self.whereabouts = Whereabouts.MAY_HAVE_LEFT
+            place = MotionState.MAY_HAVE_LEFT
         elif recalled.was_done_seen:
-            self.whereabouts = _ARRIVED
+            place = MotionState.ARRIVED
         else:
-            self.whereabouts = Whereabouts.SEEN_THERE if fade is None else _UNDER_WAY
-        self.unproven = self.retained = None
-        self._send_off(state.at_ns if recalled.is_of_this_boot else 0)
-        self.last_number = recalled.number
+            place = MotionState.IN_WINDOW if self.compensation.readback.fade is None else _MOVING
+        self.motion.enter(place)
+        self.motion.send_off(state.at_ns if recalled.is_of_this_boot else 0)
+        self.motion.last_number = recalled.number
         if accepted is not None and recalled.knows_words:
             field_ = self.plan.command[recalled.number]
             self.fields[recalled.number].settle(
@@ -1734,7 +1607,7 @@ class Axis(AxisState):
             corrected_words = field_.pack(raw_of(field_, move.corrected_counts))
         correction_counts = move.corrected_counts - move.nominal_counts
         planned = Move(move.nominal_counts, correction_counts, self.compensation.map_of(after), after)
-        proof = proof_of(self, recalled, finding)
+        proof = proof_of(self.plan.settings, recalled, finding)
         start = None
         if recalled.has_target and (move.is_distance or proof is not Proof.ONE):
             start = Accepted(recalled.nominal_counts, recalled.corrected_counts)
@@ -1749,18 +1622,19 @@ class Axis(AxisState):
             proof=proof,
         )
         if finding not in PROVEN:
-            self.pending = rendering  # its record goes on to name it, for the next start as for this one
+            # Its record goes on to name it, for the next start as for this one.
+            self.acknowledgement.pending = rendering
             is_timed = recalled.is_of_this_boot and proof is Proof.TWO
-            self.leave_unproven(rendering, after.at_ns if is_timed else self.heard_ns)
+            self.leave_unproven(rendering, after.at_ns if is_timed else self.motion.heard_ns)
             if finding is Finding.EITHER:
                 self.compensation.read_as_reached(planned, move.corrected_counts)
             return
         if self.plan.has_rules:
-            self.go(rendering, planned, self.heard_ns)
+            self.go(rendering, planned, self.motion.heard_ns)
         else:
-            self.acknowledge(rendering, self.heard_ns)
-        if finding is not Finding.AT_UNPROVEN and may_have_stopped(self):
-            self.displace(keeps_branch=True)
+            self.acknowledge(rendering, self.motion.heard_ns)
+        if finding is not Finding.AT_UNPROVEN and self.may_have_stopped:
+            self.motion.displace(keeps_branch=True)
 
     def _resume_terms(self, now_ns: int) -> None:
         """Let its terms go on from what its record put into force."""

@@ -1,105 +1,14 @@
-"""What can happen to an axis, as far as it is one of several; ``transitions`` says what each makes of it."""
+"""What one request does to one axis, as it was sent; ``Axis`` says what its end makes of it."""
 
 from collections.abc import Mapping
-from enum import Enum
 from typing import Final, NamedTuple
 
 from gateway.compensation.moves import SteadyMove
 from gateway.compiled import mypyc_attr
 from gateway.counts import Counts
 from gateway.drives.motion import Action
+from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.registers import ALL_WORDS, FieldImage
-from gateway.exchange.axis.state import Rendering
-
-
-class Outcome(Enum):
-    """How a request ended."""
-
-    __hash__ = object.__hash__  # asked for with each request; that of Enum is slow
-
-    ACKNOWLEDGED = "acknowledged"
-    """Its drive answered with the full native success."""
-    EXCEPTION = "exception"
-    """Its drive refused it, with the function byte of this request."""
-    OTHER_REPLY = "other-reply"
-    """Its drive said something that proves nothing."""
-    NO_REPLY = "no-reply"
-    """It was sent, and no reply came in time, or the link went down."""
-    BROADCAST = "broadcast"
-    """It went to every drive, and none of them answers."""
-    NEVER_SENT = "never-sent"
-    """Refused, withdrawn or given up before it left, or spoilt while it did."""
-
-
-class Happening(Enum):
-    """What decides, or shows, where an axis is."""
-
-    __hash__ = object.__hash__  # looked up with each sample; that of Enum is slow
-
-    ACKNOWLEDGED = "acknowledged"
-    """The drive acknowledged a target and goes there, or was seen to have gone there."""
-    ACKNOWLEDGED_AT_REST = "acknowledged-at-rest"
-    """The same of an axis that stood where it was known to stand, on the branch of the target before."""
-    UNACKNOWLEDGED = "unacknowledged"
-    """A target went out, and its acknowledgement never came."""
-    RAN_NOT = "ran-not"
-    """A distance that was not acknowledged did not run: the axis was seen where it would have started."""
-    STOPPED = "stopped"
-    """It stands, or soon will, somewhere on the way that it was on."""
-    DISPLACED = "displaced"
-    """Something else than a target moves it, or has moved it, or nobody knows."""
-    OUT_OF_REACH = "out-of-reach"
-    """The way to its drive was lost, or it was silent for so long that it may have been switched off."""
-    REFERENCE_CHANGED = "reference-changed"
-    """Its last target means nothing from now on, and nothing but a target has moved it since."""
-    DONE = "done"
-    """Its drive says done, and what it says is not of the time before."""
-    DONE_ALONE = "done-alone"
-    """The same, and there is no actual position to look at."""
-    FELL = "fell"
-    """Its drive says: not done."""
-    THERE = "there"
-    """The actual position lies in the in-position window of the last target."""
-    NEAR = "near"
-    """It lies beside it, by no more than a correction."""
-    AWAY = "away"
-    """It lies elsewhere."""
-
-
-class ReferenceEvent(Enum):
-    """What decides whether an axis knows where it is."""
-
-    __hash__ = object.__hash__
-
-    BIT_SET = "bit-set"
-    """The bit that decides is set, and is not that of the time before homing."""
-    BIT_CLEAR = "bit-clear"
-    """The bit that decides is not set."""
-    HOMING = "homing"
-    """A homing command went out."""
-    OTHER_MOTION = "other-motion"
-    """Something else was commanded: the bit that is seen next does not end a homing."""
-    SET_AT_REST = "set-at-rest"
-    """The drive was told that it stands somewhere else, and it stood."""
-    SET_MOVING = "set-moving"
-    """The same, and it moved, or nobody knows whether it was told."""
-    LOSS = "loss"
-    """The drive may have lost its position: switched off, an alarm, a jump."""
-    SILENCE = "silence"
-    """A request was not answered."""
-    DECLARED = "declared"
-    """A person says that the axis stands where its drive says."""
-
-
-class BlockEvent(Enum):
-    """What decides whether the triggers of an axis are refused."""
-
-    LOST = "lost"
-    """A target, its mode or a part of it was lost for its own sake."""
-    LOST_OF_GROUP = "lost-of-group"
-    """It was lost because another axis of the group was blocked (M11)."""
-    COMPLETED = "completed"
-    """The drive accepted a complete target that was sent after the loss."""
 
 
 class Command:
