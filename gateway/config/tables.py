@@ -122,15 +122,15 @@ def _numbered(readings: tuple[str, ...]) -> list[str]:
     return [f"reading {number}: {text}" for number, text in enumerate(readings, start=1)]
 
 
-def write_options_of(axis: AxisSection, name: str) -> WriteOptions:
+def write_options_of(axis: AxisSection, name: str, format_name: str) -> WriteOptions:
     """Return what a table of the axis must be written with so that its configuration reads the same."""
-    options = axis.table_options.options()
+    options = axis.table_options.options().under_new_names(format_name)
     return WriteOptions(
         axis=_letter(name),
         file_counts_per_unit=options.file_counts_per_unit,
         v1_layout=options.v1_layout,
         file_axis=options.file_axis,
-        sense=options.error_sense or options.fagor_sense or options.isg_sense,
+        sense=options.error_sense,
         is_modulo=axis.modulo is not None,
     )
 

@@ -7,7 +7,7 @@ it.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from types import MappingProxyType
 from typing import Annotated, Any, Final, get_args, get_origin
@@ -236,6 +236,28 @@ class TableOptions:
         """
         facts = {name: getattr(self, name) for name in DECLARED}
         return {name: fact for name, fact in facts.items() if fact is not None}
+
+    def told_under_old_names(self, format_name: str) -> Iterator[tuple[str, str, Any]]:
+        """Yield old name, name now and value of what was told under an old name that holds for a format.
+
+        An old name of other formats stays what it is: taken for this one, it could turn a sign.
+        """
+        for old, told in self.told().items():
+            renamed = DECLARED[old].option.renamed
+            if renamed is not None and format_name in renamed.formats:
+                yield old, renamed.to, told
+
+    def under_new_names(self, format_name: str) -> "TableOptions":
+        """Return it without old names that hold for a format; what the new name says counts.
+
+        >>> TableOptions(isg_sense=ErrorSense.COMMAND_MINUS_ACTUAL).under_new_names("isg").error_sense.value
+        'command_minus_actual'
+        >>> TableOptions(isg_sense=ErrorSense.COMMAND_MINUS_ACTUAL).under_new_names("fagor-8055").error_sense
+        """
+        options = self
+        for old, new, told in self.told_under_old_names(format_name):
+            options = replace(options, **{old: None, new: getattr(options, new) or told})
+        return options
 
 
 # --- What follows from the declarations

@@ -8,7 +8,7 @@ from gateway.compensation.units import Units
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import SourceRow
 from gateway.tabfile.findings import Lint, Severity
-from gateway.tabfile.options import DECLARED, HomeSide, to_tell
+from gateway.tabfile.options import HomeSide, to_tell
 from gateway.tabfile.readings import Reading, describe_both
 from gateway.tabfile.text import SourceText
 
@@ -153,23 +153,16 @@ def under_new_names(
 ) -> tuple[FileContext, tuple[Lint, ...]]:
     """Return the context with what was told under old names of options, and a remark for each of them.
 
-    An old name that holds for other formats only stays where it is: taken for this one, it could turn a sign.
-
     Raises:
         TabFileError: an option was told under both names, and they contradict each other.
     """
     remarks: list[Lint] = []
-    for old, told in context.told().items():
-        renamed = DECLARED[old].option.renamed
-        if renamed is None or format_name not in renamed.formats:
-            continue
-        now = getattr(context, renamed.to)
+    for old, new, told in context.told_under_old_names(format_name):
+        now = getattr(context, new)
         if now not in (None, told):
-            raise source.error(
-                f"{old} {told.value} and {renamed.to} {now.value}", f"{renamed.to} alone, as it is meant"
-            )
-        context = replace(context, **{old: None, renamed.to: told})
-        message = f"{old} is the old name of {renamed.to}, and stays accepted: {renamed.to} = {told.value!r}"
+            raise source.error(f"{old} {told.value} and {new} {now.value}", f"{new} alone, as it is meant")
+        context = replace(context, **{old: None, new: told})
+        message = f"{old} is the old name of {new}, and stays accepted: {new} = {told.value!r}"
         remarks.append(Lint("R14", Severity.INFO, message))
     return context, tuple(remarks)
 

@@ -65,6 +65,10 @@ def configured(folder: Path, options: str) -> tuple[Loaded, AxisPlan]:
         ('error_sense = "actual_minus_command", file_units = "mm"', "isg"),
         ('error_sense = "command_minus_actual", file_units = "mm", file_axis = "Q"', "fagor-8055"),
         ('error_sense = "actual_minus_command", file_units = "mm"', "fagor-8055"),
+        # An old name counts for its own formats; a list of ISG means actual less command where none is told.
+        ('isg_sense = "command_minus_actual", file_units = "mm"', "isg"),
+        ('fagor_sense = "command_minus_actual", file_units = "mm"', "isg"),
+        ('fagor_sense = "command_minus_actual", file_units = "mm"', "fagor-8055"),
         ("", "csv"),
     ],
 )

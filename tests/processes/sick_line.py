@@ -27,18 +27,18 @@ listen = "127.0.0.1:{http}"
 
 [line.xy]
 drives = {{ rtu = "{drives}", baudrate = 115200, parity = "even" }}
-response_timeout_ms = 100
+response_timeout_ms = 300
 drain_ms = 20
 
 [[line.xy.controllers]]
 name = "cnc"
 tcp = "127.0.0.1:{cnc}"
-timeout_ms = 100
+timeout_ms = 300
 
 [[line.xy.controllers]]
 name = "panel"
 tcp = "127.0.0.1:{panel}"
-timeout_ms = 100
+timeout_ms = 300
 
 [[line.xy.controllers]]
 name = "plc"

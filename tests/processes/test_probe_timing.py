@@ -22,7 +22,7 @@ def test_times_are_measured_and_what_they_ask_for_is_proposed_with_its_cost(sick
     sick.drives.takes_s[2] = 0.02
     # No answer is late on a busy machine.
     sick.config.write_text(
-        sick.config.read_text().replace("response_timeout_ms = 100", "response_timeout_ms = 900")
+        sick.config.read_text().replace("response_timeout_ms = 300", "response_timeout_ms = 900")
     )
     result = typed("probe", str(sick.config), "--timing", "--json")
     assert result.returncode == 0, result.stderr
@@ -35,7 +35,7 @@ def test_times_are_measured_and_what_they_ask_for_is_proposed_with_its_cost(sick
     assert 20.0 <= y["p50_ms"] <= y["p99_ms"] <= y["max_ms"]
     assert line["lost_with_gap_ms"] == {"0": 0}
     proposed = line["proposed"]
-    assert 4.0 * y["max_ms"] <= proposed["response_timeout_ms"] <= 5.0 * y["max_ms"] + 50.0
+    assert 4.0 * y["max_ms"] <= proposed["response_timeout_ms"] <= 6.0 * y["max_ms"] + 50.0
     assert 2.0 * y["max_ms"] <= proposed["drain_ms"] <= 3.0 * y["max_ms"] + 50.0
     assert line["now"] == {
         "response_timeout_ms": 900.0,

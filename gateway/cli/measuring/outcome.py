@@ -246,7 +246,7 @@ def check_writable(
     forward, backward = [least] * len(positions), [-least] * len(positions)
     try:
         table = make_table(positions, forward, backward, axis.settings.units)
-        dialect_named(format_name).write(table, write_options_of(section, axis.name))
+        dialect_named(format_name).write(table, write_options_of(section, axis.name, format_name))
     except (TabFileError, TableError) as error:
         raise FileError(
             f"--out: a table at {positions[0]:.9g} to {positions[-1]:.9g} cannot be written as {format_name}"
@@ -288,7 +288,7 @@ def refusal(format_name: str, table: CorrectionTable, axis: AxisPlan, section: A
         if found > limit:
             return f"{found:.4g} is above {key} = {limit:g} of axis {axis.name}: raise it if that is right"
     try:
-        dialect_named(format_name).write(table, write_options_of(section, axis.name))
+        dialect_named(format_name).write(table, write_options_of(section, axis.name, format_name))
     except TabFileError as error:
         allowed = f", allowed: {error.allowed}" if error.allowed else ""
         return f"this format does not hold it ({error.found}{allowed}); --out-format csv does"
@@ -306,7 +306,9 @@ def write_table(
         FileError: the dialect cannot hold it, or the place cannot be written to.
     """
     try:
-        written = dialect_named(format_name).write(outcome.table, write_options_of(section, axis.name))
+        written = dialect_named(format_name).write(
+            outcome.table, write_options_of(section, axis.name, format_name)
+        )
         again = parse_table(written.text.encode(), str(out), written.context).table
         change = largest_change(outcome.table, again.in_units(outcome.table.units), axis)
         _check_no_readings(out)

@@ -135,7 +135,7 @@ async def answer_to(watcher: Watcher, identity: Any) -> dict[str, Any]:
 async def test_each_command_is_answered_by_an_event(tmp_path: Path, version: str) -> None:
     with broker_in(tmp_path) as broker:
         given = settings(broker.port, tmp_path, version=version, commands=True)
-        async with publishing(given, tmp_path) as site, watching(broker.port, f"{ROOT}/event") as watcher:
+        async with watching(broker.port, f"{ROOT}/event") as watcher, publishing(given, tmp_path) as site:
             await site.until_said("mqtt-connected")
             await command(watcher, "disable", {"axes": ["x"], "id": "a"})
             assert (await answer_to(watcher, "a"))["comes"] == {"x": "next-target"}
@@ -233,7 +233,7 @@ async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch:
     monkeypatch.setattr("gateway.supervisor.mqtt.commands.PER_S", 1e-6)
     with broker_in(tmp_path) as broker:
         given = settings(broker.port, tmp_path, commands=True)
-        async with publishing(given, tmp_path) as site, watching(broker.port, f"{ROOT}/event") as watcher:
+        async with watching(broker.port, f"{ROOT}/event") as watcher, publishing(given, tmp_path) as site:
             await site.until_said("mqtt-connected")
             for number in range(30):
                 await command(watcher, "enable", {"axes": "all", "id": number})
@@ -267,7 +267,7 @@ async def test_behind_a_flood_a_disable_is_carried_out_and_everything_else_count
     """Reloads that take long: all that comes meanwhile waits, or is counted and named."""
     with broker_in(tmp_path, ANYBODY + "max_queued_messages 0\n") as broker:
         given = settings(broker.port, tmp_path, version=version, commands=True)
-        async with publishing(given, tmp_path) as site, watching(broker.port, f"{ROOT}/event") as watcher:
+        async with watching(broker.port, f"{ROOT}/event") as watcher, publishing(given, tmp_path) as site:
             await site.until_said("mqtt-connected")
             go_on = site.hold_reloads()
             for number in range(FLOOD):
@@ -287,7 +287,7 @@ async def test_behind_a_flood_a_disable_is_carried_out_and_everything_else_count
 async def test_a_disable_waits_for_the_enable_before_it(tmp_path: Path) -> None:
     with broker_in(tmp_path) as broker:
         given = settings(broker.port, tmp_path, commands=True)
-        async with publishing(given, tmp_path) as site, watching(broker.port, f"{ROOT}/event") as watcher:
+        async with watching(broker.port, f"{ROOT}/event") as watcher, publishing(given, tmp_path) as site:
             await site.until_said("mqtt-connected")
             go_on = site.hold_reloads()
             await command(watcher, "reload", {})
@@ -311,7 +311,7 @@ async def test_a_disable_waits_for_the_enable_before_it(tmp_path: Path) -> None:
 async def test_what_waits_when_the_gateway_ends_is_counted(tmp_path: Path) -> None:
     with broker_in(tmp_path) as broker:
         given = settings(broker.port, tmp_path, commands=True)
-        async with publishing(given, tmp_path) as site, watching(broker.port, f"{ROOT}/event") as watcher:
+        async with watching(broker.port, f"{ROOT}/event") as watcher, publishing(given, tmp_path) as site:
             await site.until_said("mqtt-connected")
             site.hold_reloads()
             await command(watcher, "reload", {"id": "held"})

@@ -217,7 +217,7 @@ async def test_what_a_button_and_a_switch_send_is_carried_out(tmp_path: Path) ->
     """As Home Assistant sends it: the payload of the description to its topic."""
     with broker_in(tmp_path) as broker:
         told = settings(broker.port, tmp_path, discovery="homeassistant", commands=True)
-        async with publishing(told, tmp_path) as site, watching(broker.port) as watcher:
+        async with watching(broker.port) as watcher, publishing(told, tmp_path) as site:
             site.feeds.publish(model())
             described = [
                 data_of(payload_of(await watcher.until(topic)))["cmps"] for topic in sorted(COMMANDS_OF_X)
@@ -238,7 +238,7 @@ async def test_buttons_and_switches_go_from_the_broker_when_commands_are_switche
     with broker_in(tmp_path) as broker:
         told = settings(broker.port, tmp_path, discovery="homeassistant", commands=True)
         without = settings(broker.port, tmp_path, discovery="homeassistant")
-        async with publishing(told, tmp_path) as site, watching(broker.port, "homeassistant/#") as watcher:
+        async with watching(broker.port, "homeassistant/#") as watcher, publishing(told, tmp_path) as site:
             site.feeds.publish(model())
             for topic in sorted(COMMANDS_OF_X):
                 await watcher.until(topic, lambda payload: payload != b"")

@@ -30,7 +30,7 @@ async def test_other_settings_hold_at_once_and_the_same_ones_change_nothing(tmp_
 
 async def test_it_can_be_left_out_and_come_back(tmp_path: Path) -> None:
     with broker_in(tmp_path) as broker:
-        async with publishing(None, tmp_path) as site, watching(broker.port) as watcher:
+        async with watching(broker.port) as watcher, publishing(None, tmp_path) as site:
             site.feeds.publish(model())
             assert site.status == STATUS_WITHOUT
             for _ in range(2):
@@ -48,7 +48,7 @@ async def test_it_can_be_left_out_and_come_back(tmp_path: Path) -> None:
 async def test_a_reload_that_changes_the_topics_is_answered_all_the_same(tmp_path: Path) -> None:
     with broker_in(tmp_path) as broker:
         given = settings(broker.port, tmp_path, commands=True)
-        async with publishing(given, tmp_path) as site, watching(broker.port) as watcher:
+        async with watching(broker.port) as watcher, publishing(given, tmp_path) as site:
             await site.until_said("mqtt-connected")
             site.after_reload = settings(broker.port, tmp_path, base_topic="plant", commands=True)
             await watcher.client.publish(f"{ROOT}/command/reload", '{"id": 3}', qos=1)
