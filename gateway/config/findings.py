@@ -16,6 +16,7 @@ from pydantic_core import ErrorDetails
 from gateway.config.bounds import bounds_text
 from gateway.config.problems import ConfigErrors, Problem, in_file_order, key_text, shown
 from gateway.config.toml import GRAMMAR, KeyLines, KeyPath, in_words
+from gateway.drives.strict import Mark, marks_of
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.state.folder import LARGEST_CONFIGURATION
 
@@ -310,6 +311,13 @@ def field_at(root: type[BaseModel], place: KeyPath) -> FieldInfo | None:
     names = [part for part in place if isinstance(part, str)]
     model = _model_at(root, tuple(names[:-1]))
     return model.model_fields.get(names[-1]) if model is not None and names else None
+
+
+def marks_at(root: type[BaseModel], place: KeyPath) -> frozenset[Mark]:
+    """Return what the key at ``place`` of a section declares in its type; nothing where it knows none."""
+    names = [part for part in place if isinstance(part, str)]
+    model = _model_at(root, tuple(names[:-1]))
+    return marks_of(model).get(names[-1], frozenset()) if model is not None and names else frozenset()
 
 
 def _model_at(root: type[BaseModel], place: KeyPath) -> type[BaseModel] | None:

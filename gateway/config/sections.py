@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 from pydantic import ValidationError
 
 from gateway.config.axis_model import AxisSection, GroupSection
-from gateway.config.findings import UNKNOWN_KEY, Findings, existing, explain, field_at, suggest
+from gateway.config.findings import UNKNOWN_KEY, Findings, existing, explain, marks_at, suggest
 from gateway.config.gateway_model import CaptureSection, GatewaySection, StatusUnitSection
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
@@ -155,8 +155,7 @@ def is_live(key: str) -> bool:
     if kind in LIVE or model is None:
         return kind in LIVE
     inside = tuple(place[kind in NAMED :])
-    fields = (field_at(model, inside[:depth]) for depth in range(1, len(inside) + 1))
-    return any(field is not None and Mark.LIVE in field.metadata for field in fields)
+    return any(Mark.LIVE in marks_at(model, inside[:depth]) for depth in range(1, len(inside) + 1))
 
 
 def read_section(findings: Findings, model: type[Model], raw: object, path: KeyPath) -> Model | None:

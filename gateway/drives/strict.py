@@ -1,8 +1,10 @@
 """The base of everything that is read from a file: nothing extra, nothing converted."""
 
+from collections.abc import Mapping
 from enum import Enum
+from functools import cache
 from inspect import signature
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
@@ -35,6 +37,19 @@ Live = Annotated[Element, Mark.LIVE]
 """A gateway that runs can be given another value; of a table, of any key in it."""
 
 
+@cache
+def marks_of(model: type[BaseModel]) -> Mapping[str, frozenset[Mark]]:
+    """Return what the keys of a model declare in their types.
+
+    Not from pydantic's own metadata: 2.10 keeps none of it beside a ``Field`` inside the type.
+    """
+    hints = get_type_hints(model, include_extras=True)
+    return {
+        key: frozenset(each for each in getattr(hint, "__metadata__", ()) if isinstance(each, Mark))
+        for key, hint in hints.items()
+    }
+
+
 def planned(plan: type[Any], *models: StrictModel) -> dict[str, Any]:
     """Return the values of keys marked :data:`Planned`, by name: of those that ``plan`` takes.
 
@@ -44,8 +59,8 @@ def planned(plan: type[Any], *models: StrictModel) -> dict[str, Any]:
     return {
         key: getattr(model, key)
         for model in models
-        for key, field in type(model).model_fields.items()
-        if key in taken and Mark.PLANNED in field.metadata
+        for key, marks in marks_of(type(model)).items()
+        if key in taken and Mark.PLANNED in marks
     }
 
 

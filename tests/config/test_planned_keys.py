@@ -12,7 +12,7 @@ from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSec
 from gateway.config.relay_model import RelaySection
 from gateway.config.terms_model import ThermalSpec
 from gateway.drives.registers import RegisterMap
-from gateway.drives.strict import Mark, Planned, StrictModel, planned
+from gateway.drives.strict import Mark, Planned, StrictModel, marks_of, planned
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
 from gateway.state.plan import LinePlan, RelayOptions
 from gateway.transport.endpoints import SerialEndpoint
@@ -42,7 +42,7 @@ def wanted(plans: tuple[type[Any], ...]) -> dict[str, list[Any]]:
 @pytest.mark.parametrize("model", PLANS)
 def test_a_key_that_is_planned_is_in_one_plan_with_the_same_type(model: type[StrictModel]) -> None:
     types, fields = get_type_hints(model), wanted(PLANS[model])
-    marked = [key for key, field in model.model_fields.items() if Mark.PLANNED in field.metadata]
+    marked = [key for key, marks in marks_of(model).items() if Mark.PLANNED in marks]
     assert marked
     assert {key: fields.get(key) for key in marked} == {key: [types[key]] for key in marked}
 
@@ -52,8 +52,8 @@ def test_no_key_is_forgotten_that_a_plan_has_with_the_same_type(model: type[Stri
     types, fields = get_type_hints(model), wanted(PLANS[model])
     forgotten = {
         f"{model.__name__}.{key}"
-        for key, field in model.model_fields.items()
-        if types[key] in fields.get(key, ()) and Mark.PLANNED not in field.metadata
+        for key in model.model_fields
+        if types[key] in fields.get(key, ()) and Mark.PLANNED not in marks_of(model)[key]
     }
     assert forgotten <= WORKED_OUT
 
