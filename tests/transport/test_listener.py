@@ -1,4 +1,4 @@
-"""What accepts: goes on after an accept that failed, and says why nobody can connect meanwhile."""
+"""A listener goes on after an accept that failed, and says why no client can connect meanwhile."""
 
 import asyncio
 import contextlib
