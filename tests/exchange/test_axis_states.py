@@ -307,6 +307,10 @@ def test_what_cannot_be_is_raised_in_a_test() -> None:
         axis.motion.happens(MotionEvent.BESIDE)
     with pytest.raises(ImpossibleEventError, match="reference: silence cannot be in referenced"):
         axis.reference.happens(ReferenceEvent.SILENCE)
+    with pytest.raises(ImpossibleEventError, match="motion: unacknowledged without what belongs to it"):
+        axis.motion.enter(MotionState.UNACKNOWLEDGED)
+    with pytest.raises(ImpossibleEventError, match="motion: moving without what belongs to it"):
+        axis.motion.enter(MotionState.MOVING)
 
 
 def test_what_cannot_be_is_told_counted_and_taken_for_the_worst_at_a_machine(
@@ -336,10 +340,16 @@ def test_what_cannot_be_is_told_counted_and_taken_for_the_worst_at_a_machine(
     axis.see_homed_bit(5 * MS, is_set=True)
     write_whole(axis, epoch=axis.interlock.epoch)
     assert now() == (MotionState.UNKNOWN, True, False, False)
+    acknowledge(axis)
+    axis.motion.enter(MotionState.SUPERSEDED)
+    assert now() == (MotionState.UNKNOWN, False, True, True)
     bench.ask(b"\x03\x00\x50\x00\x01")
     told = [each for each in bench.events if each.kind is EventKind.INTERNAL_FAULT]
-    assert [each.detail for each in told] == ["motion: not-executed cannot be in moving"]
-    assert bench.line.counters.internal_faults == 1
+    assert [each.detail for each in told] == [
+        "motion: not-executed cannot be in moving",
+        "motion: superseded without what belongs to it",
+    ]
+    assert bench.line.counters.internal_faults == 2
 
 
 # --- whether it knows where it is --------------------------------------------------------------------------

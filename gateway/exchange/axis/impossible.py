@@ -24,13 +24,17 @@ def raise_them() -> None:
     _is_raised = True
 
 
-def sentence_of(machine: str, state: Enum, event: Enum) -> str:
-    """Return what is to be told of a pair that has no row; raise it in tests.
+def fault(sentence: str) -> str:
+    """Return what is to be told of something that cannot be; raise it in tests.
 
     Raises:
         ImpossibleEventError: where :func:`raise_them` was called.
     """
-    sentence = f"{machine}: {event.value} cannot be in {state.value}"
     if _is_raised:
         raise ImpossibleEventError(sentence)
     return sentence
+
+
+def sentence_of(machine: str, state: Enum, event: Enum) -> str:
+    """Return what is to be told of a pair that has no row; raise it in tests, as :func:`fault` does."""
+    return fault(f"{machine}: {event.value} cannot be in {state.value}")

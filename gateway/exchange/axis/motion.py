@@ -32,7 +32,7 @@ from gateway.exchange.axis.acknowledge import (
     Proof,
     Rendering,
 )
-from gateway.exchange.axis.impossible import IGNORED, sentence_of
+from gateway.exchange.axis.impossible import IGNORED, fault, sentence_of
 from gateway.exchange.axis.registers import FieldImage
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import DONE_BIT, AxisPlan, CompensationMode
@@ -449,9 +449,15 @@ class Motion:
         is_start_known: bool = False,
         has_reported_done: bool = False,
     ) -> None:
-        """Be in a state, with exactly what belongs to it."""
-        assert (unacknowledged is not None) is (state is _UNACKNOWLEDGED)
-        assert (superseded is not None) is (state is _SUPERSEDED)
+        """Be in a state, with exactly what belongs to it; with anything else nobody knows where it is."""
+        has_its_own = (
+            (unacknowledged is not None) is (state is _UNACKNOWLEDGED)
+            and (superseded is not None) is (state is _SUPERSEDED)
+            and (state not in TARGETED or self.compensation.has_target)
+        )
+        if not has_its_own:
+            self._on_fault(fault(f"motion: {state.value} without what belongs to it"))
+            return
         if state not in TARGETED:
             self.compensation.forget_target()
         before = self.unacknowledged
@@ -462,11 +468,9 @@ class Motion:
         self.has_reported_done = has_reported_done
         self.superseded = superseded
         self.is_start_known = is_start_known
-        assert self.compensation.has_target is (state in TARGETED)
 
     def note_more(self, unacknowledged: Rendering) -> None:
         """Know more of the target that was not acknowledged, which stays the same one."""
-        assert self.state is _UNACKNOWLEDGED
         self.unacknowledged = unacknowledged
 
     def keep_over(self, over: KeptOver) -> None:
