@@ -5,10 +5,10 @@ from typing import Final
 
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.registers import Loss
+from gateway.exchange.decode import AxisCommand
 from gateway.exchange.dispatch import Units
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.gate import UNSEEN, Denial, Gate
-from gateway.exchange.meaning import Meaning
 from gateway.exchange.ownership import Ownership
 from gateway.exchange.plan import ControllerPlan, Role
 from gateway.exchange.ports import ControllerPort
@@ -24,7 +24,7 @@ NO_ROOM: Final = Denial(
 """Why a request is refused that has no room left to wait in."""
 
 
-def judge(units: Units, transaction: Transaction, *, is_free: bool) -> tuple[bool, list[Meaning]]:
+def judge(units: Units, transaction: Transaction, *, is_free: bool) -> tuple[bool, list[AxisCommand]]:
     """Return whether a controller's role allows a request, and what it stops as far as that matters.
 
     A motion controller's stop on a free line need not be told from its other requests.
@@ -33,7 +33,7 @@ def judge(units: Units, transaction: Transaction, *, is_free: bool) -> tuple[boo
     role = transaction.port.plan.role
     if transaction.only_reads:
         return True, []
-    stops: list[Meaning] = []
+    stops: list[AxisCommand] = []
     if units.have_rules and not (is_free and role is Role.MOTION):
         stops = units.stops_of(units.frames_of(transaction))
     may_stop = role is Role.OPERATOR and bool(stops) and units.only_stops(units.frames_of(transaction))

@@ -14,7 +14,7 @@ from typing import Final
 
 from gateway.drives.motion import Action
 from gateway.exchange.access import access_of, coils_written
-from gateway.exchange.meaning import NO_ACCESS, Frame, Meaning, meanings
+from gateway.exchange.decode import NO_ACCESS, AxisCommand, Frame, decode
 from gateway.exchange.plan import OtherUnits, StopWord
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, FunctionCode
@@ -75,7 +75,7 @@ class Aliases:
         is_coil = pdu[0] == FunctionCode.WRITE_SINGLE_COIL
         if word is None or not any(_is_that_stop(stop, word, is_coil=is_coil) for stop in self._other.stops):
             return False
-        return all(meaning.action in _HARMLESS and not meaning.commands for meaning in _meanings(frames))
+        return all(command.action in _HARMLESS and not command.hits for command in _commands(frames))
 
 
 def why_not_passed(aliases: Aliases, unit_id: int, pdu: bytes) -> str:
@@ -103,7 +103,7 @@ def _touches(frames: Iterable[Frame]) -> bool:
     Stops may pass.
     """
     return _writes_position(frames) or any(
-        not (meaning.axis.passes_unchanged or meaning.is_stop) for meaning in _meanings(frames)
+        not (command.axis.passes_unchanged or command.is_stop) for command in _commands(frames)
     )
 
 
@@ -121,12 +121,9 @@ def _reads_position(frames: Iterable[Frame]) -> bool:
     )
 
 
-def _meanings(frames: Iterable[Frame]) -> list[Meaning]:
+def _commands(frames: Iterable[Frame]) -> list[AxisCommand]:
     return [
-        meaning
-        for frame in frames
-        if frame.unit.has_rules
-        for meaning in meanings(frame, may_have_risen=True)
+        command for frame in frames if frame.unit.has_rules for command in decode(frame, may_have_risen=True)
     ]
 
 

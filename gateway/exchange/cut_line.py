@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from gateway.compiled import mypyc_attr
-from gateway.exchange.axis.axis_request import SteadyTarget
+from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.cut_requests import WRITE, Heads, RequestJudge, beginning_of, shape_of
 from gateway.exchange.cut_through import CUT_AFTER, Cut, CutThrough, Pace, Turn
@@ -478,5 +478,5 @@ def _sent_pdu(transaction: Transaction) -> bytes:
     if target is not None and isinstance(path, WritePath):
         start, end = path.place
         return pdu[:start] + target.corrected_words + pdu[end:]
-    rewritings = transaction.rewritings
-    return rewritings[0].sent_pdu if len(rewritings) == 1 else pdu
+    requests = transaction.requests
+    return requests[0].sent_pdu if len(requests) == 1 else pdu

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
-from gateway.exchange.axis.axis_request import SteadyTarget
+from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through import Judge, Opening, is_fit_head
 from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import WritePath

@@ -8,15 +8,15 @@ from gateway.exchange.access import HEAD_BYTES, access_of, coils_written, is_cut
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.aliases import Aliases, why_not_passed
 from gateway.exchange.axis.axis import Axis
+from gateway.exchange.decode import NO_ACCESS, AxisCommand, Frame, decode
 from gateway.exchange.fast_path import find_path
-from gateway.exchange.group_runs import next_of_groups, settle_groups
-from gateway.exchange.meaning import NO_ACCESS, Frame, Meaning, meanings
+from gateway.exchange.group import next_of_groups, settle_group, settle_groups
 from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
+from gateway.exchange.prepare import prepare
 from gateway.exchange.prerequisites import next_frame, run_beside_stop
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.request import NOTHING_KNOWN, has_a_stop, understand
 from gateway.exchange.transaction import FastPath, Transaction
-from gateway.exchange.translate import prepare
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode
 
@@ -128,25 +128,25 @@ class Units:
         return frames
 
     @staticmethod
-    def stops_of(frames: Iterable[Frame]) -> list[Meaning]:
+    def stops_of(frames: Iterable[Frame]) -> list[AxisCommand]:
         """Return what a request stops; it goes before everything else (M3)."""
         return [
-            meaning
+            command
             for frame in frames
             if frame.unit.has_rules
-            for meaning in meanings(frame)
-            if meaning.is_stop
+            for command in decode(frame)
+            if command.is_stop
         ]
 
     @staticmethod
     def given_targets(frames: Iterable[Frame]) -> list[Axis]:
         """Return the axes whose targets a request writes or runs."""
         return [
-            meaning.axis
+            command.axis
             for frame in frames
             if frame.unit.has_rules
-            for meaning in meanings(frame)
-            if meaning.commands or meaning.action.runs_target
+            for command in decode(frame)
+            if command.hits or command.action.runs_target
         ]
 
     @staticmethod
@@ -154,11 +154,11 @@ class Units:
         """Whether a request does nothing to any axis but stop it, whenever it is sent and however often."""
         for frame in frames:
             # A bit that is set now may have been cleared before it leaves, or before it leaves once more.
-            found = {meaning.axis.plan.name: meaning for meaning in meanings(frame, may_have_risen=True)}
+            found = {command.axis.plan.name: command for command in decode(frame, may_have_risen=True)}
             for own in frame.by_axis:
-                meaning = found.get(own.axis.plan.name)
-                if not (meaning is not None and meaning.is_stop) and (
-                    own.fields or (meaning is not None and not meaning.is_idle)
+                command = found.get(own.axis.plan.name)
+                if not (command is not None and command.is_stop) and (
+                    own.fields or (command is not None and not command.is_idle)
                 ):
                     return False
         return True
@@ -186,12 +186,12 @@ class Units:
         requests = []
         for frame in frames:
             for axis in frame.unit.axes:
-                axis.settle_group(now_ns)
+                settle_group(axis, now_ns)
             arrived_ns, follows_ns = transaction.arrived_ns, transaction.follows_ns
             request = understand(frame, known, now_ns, arrived_ns, follows_ns)
             if settle_groups(request):
                 request = understand(frame, known, now_ns, arrived_ns, follows_ns)
-            if frame.access is NO_ACCESS and not request.meanings:
+            if frame.access is NO_ACCESS and not request.commands:
                 continue
             requests.append(request)
         has_stop = has_a_stop(requests)
@@ -205,9 +205,10 @@ class Units:
             added = next_frame(request)
             if added is not None:
                 return added, b""
-        rewritings = tuple([prepare(request, has_stop=has_stop) for request in requests])
-        transaction.prepare(rewritings)
-        return None, rewritings[0].sent_pdu if len(rewritings) == 1 else transaction.pdu
+        for request in requests:
+            prepare(request, has_stop=has_stop)
+        transaction.note_requests(tuple(requests))
+        return None, requests[0].sent_pdu if len(requests) == 1 else transaction.pdu
 
 
 def _partners(axes: Sequence[Axis]) -> tuple[int, ...]:
@@ -225,8 +226,8 @@ def moves_one_of(units: Units, transaction: Transaction, axes: Sequence[Axis]) -
         return False
     for frame in units.frames_of(transaction):
         # A bit that is set now may have been cleared by a request that waits before this one.
-        for meaning in meanings(frame, may_have_risen=True):
-            acts = bool(meaning.commands) or meaning.action is not Action.IGNORE
-            if acts and not (transaction.is_stop and meaning.is_stop) and meaning.axis in axes:
+        for command in decode(frame, may_have_risen=True):
+            acts = bool(command.hits) or command.action is not Action.IGNORE
+            if acts and not (transaction.is_stop and command.is_stop) and command.axis in axes:
                 return True
     return False

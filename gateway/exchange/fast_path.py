@@ -3,7 +3,7 @@
 A path is found once for a unit id and the head of a request, which says what registers it touches, and is
 remembered. It is a cache of the slow path and has no meaning of its own: it holds prepared lookups, takes the
 usual case only, and calls the same transitions. Whenever anything is not as usual it returns None, and the
-request or the reply goes the slow path (``dispatch``, ``translate``, ``transaction``), which knows every
+request or the reply goes the slow path (``dispatch``, ``prepare``, ``transaction``), which knows every
 case. Both come to the same bytes and leave the same state behind; tests/exchange/test_fast_path.py holds one
 against the other.
 """
@@ -12,17 +12,16 @@ from typing import Final, NamedTuple
 
 from gateway.exchange.access import ACCESS, Access
 from gateway.exchange.aliases import ANY_TCP_DRIVE
-from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.acknowledge import Rendering, SteadyTarget
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.axis_request import Part, SteadyTarget
 from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, MotionState
+from gateway.exchange.decode import Frame, Part, decode
 from gateway.exchange.field_counts import nearest
-from gateway.exchange.meaning import Frame
 from gateway.exchange.ports import ControllerPort
-from gateway.exchange.rendering import nominal_limit
-from gateway.exchange.request import NOTHING_KNOWN, Request, Rewriting
+from gateway.exchange.render import nominal_limit
+from gateway.exchange.reply import READS_BITS, note_bits
+from gateway.exchange.request import NOTHING_KNOWN, Request
 from gateway.exchange.transaction import FastPath, Transaction
-from gateway.exchange.translate import READS_BITS, note_bits
 from gateway.exchange.unit import FieldHit, FieldRole, Hits, UnitMap
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
@@ -294,22 +293,21 @@ class WritePath(FastPath):
             self._number, target.nominal_words, target.corrected_words, target.corrected_counts, move
         )
 
-    def rewriting(self, transaction: Transaction) -> Rewriting:
+    def request(self, transaction: Transaction) -> Request:
         """See ``FastPath``."""
         assert transaction.target is not None
         rendering = transaction.rendering()
         self._axis.acknowledgement.name(rendering)
         pdu, words = transaction.pdu, rendering.corrected_words
-        sent_pdu = pdu[: self._start] + words + pdu[self._end :]
         frame = Frame(self._unit, pdu, self._access, {})
-        request = Request(frame, [], [], NOTHING_KNOWN, transaction.sent_ns, transaction.arrived_ns)
-        rewriting = Rewriting(request, sent_pdu)
-        written = rewriting.of(self._axis)
-        written.targets.append(rendering)
-        written.parts.append(Part(self._image, -1, b""))
-        written.epochs[self._number] = transaction.target.epoch
-        rewriting.complete()
-        return rewriting
+        sent_ns, arrived_ns = transaction.sent_ns, transaction.arrived_ns
+        request = Request(frame, decode(frame), NOTHING_KNOWN, sent_ns, arrived_ns=arrived_ns)
+        request.send_instead(pdu[: self._start] + words + pdu[self._end :])
+        command = request.of(self._axis)
+        command.targets.append(rendering)
+        command.parts.append(Part(self._image, -1, b""))
+        command.epochs[self._number] = transaction.target.epoch
+        return request
 
 
 def find_path(unit: UnitMap | None, unit_id: int, pdu: bytes) -> FastPath | None:

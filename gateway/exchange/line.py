@@ -31,10 +31,8 @@ from gateway.exchange.added_frames import (
 from gateway.exchange.admission import NO_ROOM, Admission, judge, role_denial
 from gateway.exchange.answers import Answers, Reach, Silence
 from gateway.exchange.arbitration import Gaps
-from gateway.exchange.axis.acknowledge import Outcome
-from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.axis_request import SteadyTarget
-from gateway.exchange.axis.groups import join
+from gateway.exchange.axis.acknowledge import Outcome, SteadyTarget
+from gateway.exchange.axis.axis import Axis, join_terms
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.commands import Command, EndDryRun, SetLimits
@@ -44,12 +42,14 @@ from gateway.exchange.cut_line import CutLine, CuttingLine, Wire
 from gateway.exchange.cut_requests import leave_on
 from gateway.exchange.cut_through import Turn
 from gateway.exchange.deadlines import Deadlines
+from gateway.exchange.decode import AxisCommand
 from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on, moves_one_of
+from gateway.exchange.effects import leave
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.gate import Denial
+from gateway.exchange.group import join_groups, settle_group
 from gateway.exchange.link_loss import CLOSES_SOON_NS, LINK_LOSS, LinkLoss, Reached
 from gateway.exchange.link_state import ASKED, IDLE, LinkState, is_at_rest
-from gateway.exchange.meaning import Meaning
 from gateway.exchange.meter import LineMeter
 from gateway.exchange.ownership import Ownership
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, LineTiming, OtherUnits
@@ -117,7 +117,8 @@ class LineExchange(CuttingLine):
         self.alarm: Alarm | None = None
         """Set to the deadline after each call; None: whoever drives the line asks for :attr:`deadline_ns`."""
         self.axes = tuple([Axis(plan) for plan in axes])
-        join(self.axes, groups)
+        join_terms(self.axes)
+        join_groups(self.axes, groups)
         self.counters = LineCounters()
         self._units = Units(
             self.axes, is_serial=link.is_serial, remembered_paths=remembered_paths, other_units=other_units
@@ -362,7 +363,7 @@ class LineExchange(CuttingLine):
         else:
             self._admission.refuse(transaction, denial, now_ns)
 
-    def _overtake(self, stop: Transaction, stops: list[Meaning], now_ns: int) -> None:
+    def _overtake(self, stop: Transaction, stops: list[AxisCommand], now_ns: int) -> None:
         """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3).
 
         So it does with axes whose targets the same frame writes: their triggers were meant for those before.
@@ -370,7 +371,7 @@ class LineExchange(CuttingLine):
         """
         if self._current is not None and self._current.phase is Phase.LEAVING:
             self._spoil(self._current, Turn.OVERTAKEN, now_ns)
-        axes = [meaning.axis for meaning in stops]
+        axes = [command.axis for command in stops]
         axes += self._units.given_targets(self._units.frames_of(stop))
         reason = "a stop of its axis came after it"
         acts = self._waiting.withdraw(
@@ -431,7 +432,7 @@ class LineExchange(CuttingLine):
         if isinstance(command, EndDryRun) and current is not None and not current.only_reads:
             raise ControlError(f"axis {command.axes[0]} stays in shadow: {ON_THE_WIRE}")
         for axis in self.axes:
-            axis.settle_group(now_ns)
+            settle_group(axis, now_ns)
         changed = carry_out(self.axes, command, now_ns, tables)
         if isinstance(command, SetLimits):
             self.meter.take_limits(self.axes)
@@ -588,7 +589,7 @@ class LineExchange(CuttingLine):
         What waited for the silence before it came may move its axis yet: then it goes once more behind that.
         """
         unit_id, pdu = stop.unit_id, stop.pdu
-        axes = [meaning.axis for meaning in self._units.stops_of(self._units.frames_of(stop))]
+        axes = [command.axis for command in self._units.stops_of(self._units.frames_of(stop))]
         for each in self._waiting.stops:
             if each.stopping is Stopping.ONCE and moves_one_of(self._units, each, axes):
                 return False
@@ -1294,9 +1295,8 @@ class LineExchange(CuttingLine):
         if added is not None:
             self._put_on_wire(transaction, added.pdu, added.axis.plan.unit_id, now_ns)
             return
-        for rewriting in transaction.rewritings:
-            for axis, written in rewriting.written:
-                self.counters.unknown_modes += axis.send(written, now_ns)
+        for request in transaction.requests:
+            self.counters.unknown_modes += leave(request, now_ns)
         self._put_on_wire(transaction, pdu, transaction.unit_id, now_ns)
         self._ownership.moved(transaction, now_ns)
 

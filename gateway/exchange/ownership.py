@@ -11,9 +11,10 @@ from gateway.drives.motion import Action
 from gateway.exchange.access import MONITOR_FUNCTIONS
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.registers import Loss
+from gateway.exchange.decode import AxisCommand, Frame, decode
 from gateway.exchange.dispatch import Units
+from gateway.exchange.effects import lose
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.meaning import Frame, Meaning, meanings
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.request import Request, has_a_stop, part_of, written_part
 from gateway.exchange.rivals import Rivals
@@ -98,16 +99,15 @@ class Ownership:
         """Note that a request has left: its writer goes on to hold what it moves."""
         port = transaction.port
         assert port is not None
-        has_stop = has_a_stop([rewriting.request for rewriting in transaction.rewritings])
-        for rewriting in transaction.rewritings:
-            for meaning in rewriting.request.meanings:
-                _hold_on(meaning.axis, port.writer, now_ns)
-                _note_jog(meaning, port.writer)
+        has_stop = has_a_stop(transaction.requests)
+        for request in transaction.requests:
+            for command in request.commands:
+                if command.is_empty:
+                    continue
+                _hold_on(command.axis, port.writer, now_ns)
+                _note_jog(command, port.writer)
                 if has_stop:
-                    _note_beside_stop(meaning, rewriting.request, port)
-            for axis, written in rewriting.written:
-                if written.parts:
-                    _hold_on(axis, port.writer, now_ns)
+                    _note_beside_stop(command, request, port)
 
     def lose(self, transaction: Transaction, code: int, loss: Loss) -> None:
         """Note that a request never reached the drive: at once for its own axes, else for later."""
@@ -139,46 +139,46 @@ class Ownership:
         wanted = self._wanted(transaction)
         if self._units.stops_of(self._units.frames_of(transaction)):
             wanted = [each for each in wanted if self._is_free(*each, port.writer, now_ns)]
-        for axis, meaning in wanted:
+        for axis, command in wanted:
             for member in (axis, *axis.peers):
                 hold = member.hold
                 if hold.is_barred(port.writer, now_ns):
                     self._refuse(transaction, port, member, f"{hold.writer} moves it", now_ns)
                     return False
-            if _runs_of_another(axis, meaning, port.writer):
+            if _runs_of_another(axis, command, port.writer):
                 whose = axis.hold.overwritten_by or axis.hold.writer
                 why = f"it would run what {whose} wrote: write the whole target again"
                 self._refuse(transaction, port, axis, why, now_ns)
                 return False
-        for axis, meaning in wanted:
+        for axis, command in wanted:
             for member in (axis, *axis.peers):
                 self._take_over(member, port.writer, now_ns)
-            if meaning is not None and meaning.commands:
+            if command is not None and command.hits:
                 axis.hold.overwrite("")
         return True
 
     @staticmethod
-    def _is_free(axis: Axis, meaning: Meaning | None, writer: str, now_ns: int) -> bool:
+    def _is_free(axis: Axis, command: AxisCommand | None, writer: str, now_ns: int) -> bool:
         """Whether what a stop of another axis does beside it may take an axis over; it passes in any case."""
-        if meaning is not None and meaning.is_idle:
+        if command is not None and command.is_idle:
             return False
         members = (axis, *axis.peers)
         is_barred = any(member.hold.is_barred(writer, now_ns) for member in members)
-        return not is_barred and not _runs_of_another(axis, meaning, writer)
+        return not is_barred and not _runs_of_another(axis, command, writer)
 
-    def _wanted(self, transaction: Transaction) -> list[tuple[Axis, Meaning | None]]:
+    def _wanted(self, transaction: Transaction) -> list[tuple[Axis, AxisCommand | None]]:
         """Return the axes that a request would move or prepare to move; not those that it stops.
 
         To let go of a jog, as a button is let go of, is a stop for whoever jogged.
         """
         writer = "" if transaction.port is None else transaction.port.writer
-        wanted: list[tuple[Axis, Meaning | None]] = []
+        wanted: list[tuple[Axis, AxisCommand | None]] = []
         for frame in self._units.frames_of(transaction):
-            found = meanings(frame) if frame.unit.has_rules else []
+            found = decode(frame) if frame.unit.has_rules else []
             for own in frame.by_axis:
-                meaning = next((each for each in found if each.axis is own.axis), None)
-                if meaning is None or not (meaning.is_stop or _lets_go(meaning, writer)):
-                    wanted.append((own.axis, meaning))
+                command = next((each for each in found if each.axis is own.axis), None)
+                if command is None or not (command.is_stop or _lets_go(command, writer)):
+                    wanted.append((own.axis, command))
         return wanted
 
     def _refuse(
@@ -231,50 +231,48 @@ def _lose_of_axis(axis: Axis, lost: Unsent, code: int, loss: Loss) -> None:
             if own.axis is axis:
                 written = [hit for hit in own.fields if hit.place.image is not None]
                 parts = [part_of(hit, lost.pdu, frame.access) for hit in written]
-                found = meanings(frame) if frame.unit.has_rules else []
-                command = next((meaning for meaning in found if meaning.axis is axis), None)
-                axis.lose_request(
-                    parts, command, code, loss, arrived_ns=lost.arrived_ns, follows_ns=lost.follows_ns
-                )
+                found = decode(frame) if frame.unit.has_rules else []
+                command = next((command for command in found if command.axis is axis), None)
+                lose(axis, parts, command, code, loss, arrived_ns=lost.arrived_ns, follows_ns=lost.follows_ns)
 
 
-def _runs_of_another(axis: Axis, meaning: Meaning | None, writer: str) -> bool:
+def _runs_of_another(axis: Axis, command: AxisCommand | None, writer: str) -> bool:
     """Whether a request runs a target that another one may have written."""
     hold = axis.hold
     is_own = hold.is_shared or hold.writer in ("", writer)
-    if meaning is None or (is_own and not hold.overwritten_by):
+    if command is None or (is_own and not hold.overwritten_by):
         return False
-    return meaning.runs_alone or (meaning.action is Action.UNKNOWN and not meaning.commands)
+    return command.runs_alone or (command.action is Action.UNKNOWN and not command.hits)
 
 
-def _note_jog(meaning: Meaning, writer: str) -> None:
-    hold, action = meaning.axis.hold, meaning.action
+def _note_jog(command: AxisCommand, writer: str) -> None:
+    hold, action = command.axis.hold, command.action
     if action is Action.OTHER_MOTION:
         hold.note_jog(writer)
-    elif meaning.is_stop or action.runs_target or action is Action.HOME:
+    elif command.is_stop or action.runs_target or action is Action.HOME:
         hold.note_jog("")
 
 
-def _lets_go(meaning: Meaning, writer: str) -> bool:
+def _lets_go(command: AxisCommand, writer: str) -> bool:
     """Whether a request of whoever jogged an axis starts nothing: it may end the jog."""
-    return meaning.is_idle and meaning.axis.hold.jogged_by == writer
+    return command.is_idle and command.axis.hold.jogged_by == writer
 
 
-def _note_beside_stop(meaning: Meaning, request: Request, port: ControllerPort) -> None:
+def _note_beside_stop(command: AxisCommand, request: Request, port: ControllerPort) -> None:
     """A stop of somebody who does not move the axis changed more: its writer has to write that again (M3).
 
     So it is where another axis is stopped in the same frame: for the sake of that it has passed.
     """
-    axis, hold = meaning.axis, meaning.axis.hold
+    axis, hold = command.axis, command.axis.hold
     is_writer = hold.is_shared or hold.writer in ("", port.writer)
     if is_writer and port.is_motion:
-        if meaning.commands:
+        if command.hits:
             hold.overwrite("")
         return
-    for address in meaning.modes_written:
-        if address in meaning.unclear_words or meaning.words[address] != axis.rules.word(address):
+    for address in command.modes_written:
+        if address in command.unclear_words or command.words[address] != axis.rules.word(address):
             axis.lose_mode(address, _BUSY)
-    changed = [hit.place.number for hit in meaning.commands if _is_changed(hit, request)]
+    changed = [hit.place.number for hit in command.hits if _is_changed(hit, request)]
     axis.overwrite(changed, port.writer, _BUSY)
 
 

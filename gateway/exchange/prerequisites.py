@@ -15,11 +15,12 @@ from gateway.exchange.added_frames import (
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, TARGETED, KeptOver
+from gateway.exchange.decode import AxisCommand
 from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
-from gateway.exchange.meaning import Meaning
+from gateway.exchange.prepare import check_may_act, render_relative, seen
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.exchange.rendering import (
+from gateway.exchange.render import (
     RefusedPositionError,
     as_it_came,
     base_of,
@@ -30,7 +31,6 @@ from gateway.exchange.rendering import (
     render,
 )
 from gateway.exchange.request import Known, Request, key_of
-from gateway.exchange.translate import check_may_act, render_relative, seen
 from gateway.exchange.unit import FieldHit, FieldPlace, FieldRole
 from gateway.modbus.pdu import ExceptionCode
 from gateway.modbus.registers import FieldAccess
@@ -46,19 +46,19 @@ def next_frame(request: Request) -> AddedFrame | None:
     added = _reference_read(request) if request.frame.unit.asks_for_bits else None
     if added is not None:
         return added
-    for meaning in request.meanings:
-        if meaning.needs_word is not None and not meaning.axis.passes_unchanged:
-            return read_word(meaning.axis, meaning.needs_word)
+    for command in request.commands:
+        if command.needs_word is not None and not command.axis.passes_unchanged:
+            return read_word(command.axis, command.needs_word)
     if access.write_quantity and access.is_consistent:
         added = _command_read(request)
         if added is not None:
             return added
-    for meaning in request.meanings:
+    for command in request.commands:
         added = None
-        if meaning.runs_alone:
-            added = _prepare_run(request, meaning)
-        elif meaning.action is Action.UNKNOWN and meaning.number not in meaning.written:
-            added = _prepare_unknown(meaning)
+        if command.runs_alone:
+            added = _prepare_run(request, command)
+        elif command.action is Action.UNKNOWN and command.number not in command.written:
+            added = _prepare_unknown(command)
         if added is not None:
             return added
     return None
@@ -70,15 +70,15 @@ def run_beside_stop(request: Request) -> None:
     Those for which something would have to be read or written first, or that would be refused, run with the
     words that the drive has (M3).
     """
-    for meaning in request.meanings:
-        if not meaning.runs_alone:
+    for command in request.commands:
+        if not command.runs_alone:
             continue
         try:
-            is_right = _prepare_run(request, meaning) is None
+            is_right = _prepare_run(request, command) is None
         except RefusedRequestError:
             is_right = False
         if not is_right:
-            request.known.runs.pop(meaning.axis.plan.name, None)
+            request.known.runs.pop(command.axis.plan.name, None)
 
 
 def _reference_read(request: Request) -> AddedFrame | None:
@@ -86,7 +86,7 @@ def _reference_read(request: Request) -> AddedFrame | None:
     unit, access = request.frame.unit, request.frame.access
     written = [hit for own in request.frame.by_axis for hit in own.fields]
     read = unit.read(access.read_address, access.read_quantity).fields
-    targets = [meaning.axis for meaning in request.meanings if meaning.action.runs_target]
+    targets = [command.axis for command in request.commands if command.action.runs_target]
     targets += [hit.place.axis for hit in written if hit.place.role is FieldRole.COMMAND]
     others = [hit.place.axis for hit in (*written, *read)]
     for axis, is_target in (*((a, True) for a in targets), *((a, False) for a in others)):
@@ -104,11 +104,11 @@ def _command_read(request: Request) -> AddedFrame | None:
     That is the rest of a position of which a part is written (M1), and what a target that runs needs.
     """
     access, known = request.frame.access, request.known
-    for write in request.writes:
-        axis, action = write.axis, write.action
+    for command in request.commands:
+        axis, action = command.axis, command.action
         if not axis.may_read:
             continue
-        for hit, words, is_run in write.fields:
+        for hit, words, is_run in command.writes:
             number, field, image = hit.place.number, hit.place.field, hit.place.image
             assert image is not None
             if words is None:
@@ -118,7 +118,7 @@ def _command_read(request: Request) -> AddedFrame | None:
                 if is_of_use and not is_asked and field.access is not FieldAccess.WRITE:
                     return AddedFrame(axis, Purpose.COMMAND, field.address, field.words, hit)
             elif is_run and (
-                not write.is_again
+                not command.is_again
                 or axis.motion.state in MAY_BE_ELSEWHERE
                 or needs_look(axis, request.now_ns, action)
             ):
@@ -179,42 +179,42 @@ def _go_unseen(request: Request, axis: Axis, action: Action) -> None:
         request.known.actual[axis.plan.name] = None
 
 
-def _prepare_run(request: Request, meaning: Meaning) -> AddedFrame | None:
+def _prepare_run(request: Request, command: AxisCommand) -> AddedFrame | None:
     """Correct a staged target for its trigger; return the next frame that this takes.
 
     Raises:
         RefusedRequestError: the trigger must not reach the drive.
     """
-    axis, name = meaning.axis, meaning.axis.plan.name
-    check_may_act(meaning)
+    axis, name = command.axis, command.axis.plan.name
+    check_may_act(command)
     known = request.known
     rendering = known.runs.get(name)
-    if rendering is None and (fixed := _fixed_run(meaning)) is not None:
+    if rendering is None and (fixed := _fixed_run(command)) is not None:
         rendering = known.runs[name] = fixed
     if rendering is None:
-        added = _read_back(request, meaning)
+        added = _read_back(request, command)
         if added is not None:
             return added
-        words = staged_words(meaning)
+        words = staged_words(command)
         if words is None:
             return None
-        assert meaning.number is not None
-        added = read_for_staged(request, axis, meaning.number, words, meaning.action)
+        assert command.number is not None
+        added = read_for_staged(request, axis, command.number, words, command.action)
         if added is not None:
             return added
-        rendering = render_run(request, axis, meaning.number, words, meaning.action)
+        rendering = render_run(request, axis, command.number, words, command.action)
         if rendering is None:
             return None
         known.runs[name] = rendering
     return restage_for_run(axis, rendering)
 
 
-def _read_back(request: Request, meaning: Meaning) -> AddedFrame | None:
+def _read_back(request: Request, command: AxisCommand) -> AddedFrame | None:
     """Return the read of a target that the drive held before its connection was closed, for its trigger.
 
     It runs only where its drive holds the very words that it was told (``Axis.read_back``).
     """
-    axis, number = meaning.axis, meaning.number
+    axis, number = command.axis, command.number
     retained = axis.motion.superseded
     if number is None or retained is None or retained.number != number or not axis.may_read:
         return None
@@ -242,19 +242,19 @@ def restage_for_run(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     return _restage(axis, rendering)
 
 
-def _fixed_run(meaning: Meaning) -> Rendering | None:
+def _fixed_run(command: AxisCommand) -> Rendering | None:
     """Return what the first trigger of its group has made of the target that this one runs (M11).
 
     Unless the axis was given another one since, or has been moved by something else.
     """
-    axis, fixed = meaning.axis, meaning.axis.fixed
+    axis, fixed = command.axis, command.axis.fixed
     run = None if fixed is None or fixed.has_gone else fixed.run
-    if fixed is None or run is None or run.number != meaning.number:
+    if fixed is None or run is None or run.number != command.number:
         return None
     image = axis.fields[run.number]
     is_same = image.nominal_words == run.nominal_words and not image.is_torn
     is_held = (
-        is_same and run.is_distance is meaning.action.is_relative and image.holds(0, run.corrected_words)
+        is_same and run.is_distance is command.action.is_relative and image.holds(0, run.corrected_words)
     )
     motion = axis.motion
     is_there = motion.state in TARGETED or (
@@ -263,26 +263,26 @@ def _fixed_run(meaning: Meaning) -> Rendering | None:
     return run if is_held and is_there else None
 
 
-def _prepare_unknown(meaning: Meaning) -> AddedFrame | None:
+def _prepare_unknown(command: AxisCommand) -> AddedFrame | None:
     """Give the drive the words that the controller wrote before something runs that nobody knows (M2).
 
     What it keeps under a number that was not written through the gateway may be a target of the gateway
     before this one, or of another master: a stored move, whatever kind of move it is (M9).
     """
-    axis = meaning.axis
-    check_may_act(meaning)
-    if meaning.number is not None:
-        staged_words(meaning)
-    elif meaning.commands:
+    axis = command.axis
+    check_may_act(command)
+    if command.number is not None:
+        staged_words(command)
+    elif command.hits:
         return None
-    number = axis.rules.staged if meaning.number is None else meaning.number
+    number = axis.rules.staged if command.number is None else command.number
     if number is None:
         return None
     image = axis.fields[number]
     if not image.may_be_corrected:
         return None
     if image.nominal_words is None or image.is_torn:
-        if meaning.number is None:  # a value that nobody knows may be anything; this one runs the target
+        if command.number is None:  # a value that nobody knows may be anything; this one runs the target
             return None
         raise _not_ours(axis)
     return _restage(axis, as_it_came(axis, number))
@@ -317,13 +317,13 @@ def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     return added
 
 
-def staged_words(meaning: Meaning) -> bytes | None:
+def staged_words(command: AxisCommand) -> bytes | None:
     """Return the nominal words of the target that a trigger runs; None where it may pass without.
 
     Raises:
         RefusedRequestError: nobody knows what the drive would run.
     """
-    axis, number = meaning.axis, meaning.number
+    axis, number = command.axis, command.number
     image = None if number is None else axis.fields[number]
     if image is not None and image.nominal_words is not None and not image.is_torn:
         return image.nominal_words

@@ -1,28 +1,27 @@
-"""One request at its turn: what it means and writes, what was read for it, what it does.
+"""One request to one unit, at its turn: what it means and writes, what was read for it, what is sent for it.
 
-:func:`understand` works that out once for each turn, for all that follows: what is needed first
-(``prerequisites``) and what is sent (``translate``). Words that it writes alone are completed here from the
-register image, and from what was read for it (M1).
+:func:`understand` works out what it means and writes once for each turn, for all that follows: what is
+needed first (``prerequisites``) and what is sent (``prepare``). Words that it writes alone are completed
+here from the register image, and from what was read for it (M1).
 
-A :class:`Rewriting` is made when a request is about to be sent and holds the state of that moment: the words
-that were rendered, the readback maps then in force, and what the controller really asked for.
+``prepare`` adds what is sent, and the readback maps that are in force as it leaves, with which its reply is
+turned back.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final, NamedTuple
+from typing import Final
 
 from gateway.compensation.correction_spec import CorrectionSpec
 from gateway.compensation.readback import Readback
-from gateway.drives.motion import Action, Addressing
+from gateway.drives.motion import Addressing
 from gateway.exchange.access import Access
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.axis_request import AxisRequest, Part
 from gateway.exchange.axis.motion import Actual
-from gateway.exchange.axis.registers import ALL_WORDS, FieldImage, mask_of
-from gateway.exchange.meaning import Frame, Meaning, meanings
+from gateway.exchange.axis.registers import ALL_WORDS, mask_of
+from gateway.exchange.decode import AxisCommand, FieldWrite, Frame, Part, decode
 from gateway.exchange.unit import NO_HITS, FieldHit, FieldPlace, FieldRole, Hits
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.registers import PositionField, WordOrder
@@ -88,48 +87,80 @@ class Span:
 NO_SPAN: Final = Span(0, 0)
 
 
-class CommandWrite(NamedTuple):
-    """A command field that a request writes."""
+class Request:
+    """A request to one unit at its turn, as it came and as it is sent."""
 
-    hit: FieldHit
-    words: bytes | None
-    """All its nominal words once the request is applied; None: not known."""
-    is_run: bool
-    """The drive goes there with this request; False: it only holds it."""
+    __slots__ = (
+        "arrived_ns",
+        "commands",
+        "follows_ns",
+        "frame",
+        "known",
+        "now_ns",
+        "read_hits",
+        "read_span",
+        "readbacks",
+        "sent_pdu",
+    )
 
+    def __init__(
+        self,
+        frame: Frame,
+        commands: list[AxisCommand],
+        known: Known,
+        now_ns: int,
+        *,
+        arrived_ns: int,
+        follows_ns: int = 0,
+    ) -> None:
+        self.frame = frame
+        self.commands = commands
+        """What it does to each axis that it does something to, in the order of the axes."""
+        self.known = known
+        self.now_ns = now_ns
+        self.arrived_ns = arrived_ns
+        """When it came from its controller; no two requests of a line came at the same instant."""
+        self.follows_ns = follows_ns
+        """When the request before it came on the same connection."""
+        self.sent_pdu = frame.pdu
+        self.read_hits = NO_HITS
+        self.read_span = NO_SPAN
+        self.readbacks: dict[str, Readback] = {}
+        """By axis, as they were when it left; of one that passed 1:1 there is none."""
 
-class AxisWrite(NamedTuple):
-    """What a request writes into the command fields of one axis."""
+    def of(self, axis: Axis) -> AxisCommand:
+        """Return what it does to one axis."""
+        for command in self.commands:
+            if command.axis is axis:
+                return command
+        command = AxisCommand(axis)
+        self.commands.append(command)
+        if len(self.commands) > 1:
+            self.commands.sort(key=lambda each: self.frame.unit.axes.index(each.axis))
+        return command
 
-    axis: Axis
-    meaning: Meaning | None
-    """None: nothing but positions means anything to the unit, and they are gone to at once."""
-    action: Action
-    """How its positions are meant."""
-    fields: list[CommandWrite]
-    cut: list[FieldImage]
-    """Fields of which a part is written where there are no parts: addresses are commands, or objects."""
-    is_again: bool
-    """It makes the drive go nowhere but where it was told already (M4)."""
+    def ask(self, hits: Hits, span: Span) -> None:
+        """Note what is read of the drive: what was asked for, or more, where that cuts a position."""
+        self.read_hits, self.read_span = hits, span
 
+    def send_instead(self, pdu: bytes) -> None:
+        """Note what is sent in place of the request as it came."""
+        self.sent_pdu = pdu
 
-class Request(NamedTuple):
-    """A request at its turn: what it means for each axis of its unit, and what it writes."""
+    @property
+    def reads_too(self) -> bool:
+        """Whether it reads: an exception to a write in the same frame (FC23) may be one of the reading."""
+        return self.frame.access.read_quantity > 0
 
-    frame: Frame
-    meanings: list[Meaning]
-    writes: list[AxisWrite]
-    known: Known
-    now_ns: int
-    arrived_ns: int
-    """When it came from its controller; no two requests of a line came at the same instant."""
-    follows_ns: int = 0
-    """When the request before it came on the same connection."""
+    @property
+    def reads_unmapped(self) -> bool:
+        """Whether it reads a position that is not mapped, and so passes as it is (M10)."""
+        return any(hit.place.role is FieldRole.GUARDED for hit in self.read_hits.fields)
 
 
 def has_a_stop(requests: Sequence[Request]) -> bool:
     """Whether a request stops any axis of the units that it reaches: then all of it passes (M3)."""
-    return any(meaning.is_stop for request in requests for meaning in request.meanings)
+    return any(command.is_stop for request in requests for command in request.commands)
 
 
 def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int, follows_ns: int = 0) -> Request:
@@ -138,44 +169,38 @@ def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int, follows
     This is done anew each time that it is its turn: while it waited, or waited for a frame that it needs
     first, the drive may have acknowledged another mode, a stop or another part of a position.
     """
-    access = frame.access
-    found = meanings(frame, known.rule_words) if frame.unit.has_rules else []
-    writes = []
-    for axis, _, commands, _, _ in frame.by_axis:
-        if not commands:
+    commands = decode(frame, known.rule_words)
+    request = Request(frame, commands, known, now_ns, arrived_ns=arrived_ns, follows_ns=follows_ns)
+    for command in request.commands:
+        if command.hits:
+            _complete(request, command)
+    return request
+
+
+def _complete(request: Request, command: AxisCommand) -> None:
+    """Work out all words of the command fields that a request writes of one axis."""
+    axis, access = command.axis, request.frame.access
+    running = command.running
+    is_object = axis.plan.addressing is Addressing.OBJECTS
+    # A cyclic image with several fields is a repeat as a whole; one field rewritten alone is a target.
+    # The words of a distance say nothing of a place.
+    is_distance = command.action.is_relative or axis.last_run.is_relative
+    is_again = not (axis.plan.motion.waits_for_trigger or is_distance)
+    has_last = False
+    for hit in command.hits:
+        place = hit.place
+        if not hit.is_whole and (is_object or place.field.block is not None):
+            assert place.image is not None
+            command.cut.append(place.image)
             continue
-        meaning: Meaning | None = None
-        for each in found:
-            if each.axis is axis:
-                meaning = each
-        action, running = Action.ABSOLUTE, commands
-        if meaning is not None:
-            action, running = meaning.action, meaning.running
-        is_object = axis.plan.addressing is Addressing.OBJECTS
-        fields: list[CommandWrite] = []
-        cut: list[FieldImage] = []
-        # A cyclic image with several fields is a repeat as a whole; one field rewritten alone is a target.
-        # The words of a distance say nothing of a place.
-        is_distance = action.is_relative or axis.last_run.is_relative
-        is_again = not (axis.plan.motion.waits_for_trigger or is_distance)
-        has_last = False
-        for hit in commands:
-            place = hit.place
-            if not hit.is_whole and (is_object or place.field.block is not None):
-                assert place.image is not None
-                cut.append(place.image)
-                continue
-            words = None
-            if access.is_consistent:
-                words = nominal_words(hit, frame, known, arrived_ns, follows_ns)
-            is_run = hit in running
-            fields.append(CommandWrite(hit, words, is_run))
-            if is_run and is_again:
-                is_again = words is not None and axis.is_repeat(place.number, words)
-                is_again = is_again and axis.may_keep_words(axis.compensation.state.spec)
-                has_last = has_last or place.number == axis.motion.last_number
-        writes.append(AxisWrite(axis, meaning, action, fields, cut, is_again and has_last))
-    return Request(frame, found, writes, known, now_ns, arrived_ns, follows_ns)
+        words = nominal_words(request, hit) if access.is_consistent else None
+        is_run = hit in running
+        command.writes.append(FieldWrite(hit, words, is_run))
+        if is_run and is_again:
+            is_again = words is not None and axis.is_repeat(place.number, words)
+            is_again = is_again and axis.may_keep_words(axis.compensation.state.spec)
+            has_last = has_last or place.number == axis.motion.last_number
+    command.is_again = is_again and has_last
 
 
 # --- parts of positions ------------------------------------------------------------------------------------
@@ -194,19 +219,17 @@ def written_part(hit: FieldHit, pdu: bytes, access: Access) -> tuple[int, bytes]
     return first, data[start : start + 2 * (hit.place.field.words - first)]
 
 
-def nominal_words(
-    hit: FieldHit, frame: Frame, known: Known, arrived_ns: int, follows_ns: int
-) -> bytes | None:
+def nominal_words(request: Request, hit: FieldHit) -> bytes | None:
     """Return all words of a command field once a request is applied, or None when some are not known."""
-    image, pdu, access = hit.place.image, frame.pdu, frame.access
+    image, pdu, access = hit.place.image, request.frame.pdu, request.frame.access
     assert image is not None
     if access.is_mask:
-        return _masked(hit, pdu, access, arrived_ns)
+        return _masked(hit, pdu, access, request.arrived_ns)
     first, words = written_part(hit, pdu, access)
     if hit.is_whole:
         return words
-    completed = image.completed(first, words, arrived_ns, follows_ns)
-    read = known.command_words.get(key_of(hit))
+    completed = image.completed(first, words, request.arrived_ns, request.follows_ns)
+    read = request.known.command_words.get(key_of(hit))
     if completed is None and read is not None and not image.is_torn:
         merged = bytearray(read)
         merged[2 * first : 2 * first + len(words)] = words
@@ -270,67 +293,3 @@ def mask_written(hit: FieldHit, pdu: bytes, access: Access) -> int:
         return ALL_WORDS
     first, words = written_part(hit, pdu, access)
     return mask_of(first, len(words) // 2)
-
-
-# --- what is sent for it ------------------------------------------------------------------------------------
-
-
-class Rewriting:
-    """One request as it came and as it went, with all that is needed to turn its reply back."""
-
-    __slots__ = (
-        "access",
-        "by_axis",
-        "read_hits",
-        "read_span",
-        "readbacks",
-        "request",
-        "sent_pdu",
-        "written",
-    )
-
-    def __init__(self, request: Request, sent_pdu: bytes) -> None:
-        self.request = request
-        self.access = request.frame.access
-        self.sent_pdu = sent_pdu
-        self.by_axis: dict[str, AxisRequest] = {}
-        """What it does to each axis that it does something to, by name."""
-        self.written: tuple[tuple[Axis, AxisRequest], ...] = ()
-        """The same with the axes, in their order, as soon as it is complete."""
-        self.read_hits = NO_HITS
-        self.read_span = NO_SPAN
-        self.readbacks: dict[str, Readback] = {}
-        """By axis, as they were at the moment of the request; of one that passed 1:1 there is none."""
-
-    def of(self, axis: Axis) -> AxisRequest:
-        """Return what it does to one axis, to be filled in."""
-        name = axis.plan.name
-        found = self.by_axis.get(name)
-        if found is None:
-            request = self.request
-            command = next((each for each in request.meanings if each.axis is axis), None)
-            found = self.by_axis[name] = AxisRequest(
-                request.arrived_ns,
-                command,
-                follows_ns=request.follows_ns,
-                reads_too=self.access.read_quantity > 0,
-            )
-        return found
-
-    def complete(self) -> None:
-        """Note that all is known that it does."""
-        axes, by_axis = self.request.frame.unit.axes, self.by_axis
-        self.written = tuple([(each, by_axis[each.plan.name]) for each in axes if each.plan.name in by_axis])
-
-    def ask(self, hits: Hits, span: Span) -> None:
-        """Note what is read of the drive: what was asked for, or more, where that cuts a position."""
-        self.read_hits, self.read_span = hits, span
-
-    def send_instead(self, pdu: bytes) -> None:
-        """Note what is sent in place of the request as it came."""
-        self.sent_pdu = pdu
-
-    @property
-    def reads_unmapped(self) -> bool:
-        """Whether the request reads a position that is not mapped, and so passes as it is (M10)."""
-        return any(hit.place.role is FieldRole.GUARDED for hit in self.read_hits.fields)

@@ -22,17 +22,17 @@ from gateway.compensation.readback import Readback
 from gateway.compiled import mypyc_attr
 from gateway.exchange.access import only_reads
 from gateway.exchange.added_frames import AddedFrame
-from gateway.exchange.axis.acknowledge import Outcome, Rendering
+from gateway.exchange.axis.acknowledge import Outcome, Rendering, SteadyTarget
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.axis_request import SteadyTarget
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.counters import LineCounters
+from gateway.exchange.decode import Frame
+from gateway.exchange.effects import finish
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.meaning import Frame
 from gateway.exchange.ports import ControllerPort
-from gateway.exchange.request import Known, Rewriting
+from gateway.exchange.reply import note_discrete, outcome_of, reply_without_positions, turned_back
+from gateway.exchange.request import Known, Request
 from gateway.exchange.tap import Tap
-from gateway.exchange.translate import note_discrete, outcome_of, reply_without_positions, turned_back
 from gateway.exchange.unit import UnitMap
 from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
@@ -169,7 +169,7 @@ class FastPath:
         """Return the target that a transaction carries, as the slow path would have rendered it."""
         raise NotImplementedError
 
-    def rewriting(self, transaction: "Transaction") -> Rewriting:
+    def request(self, transaction: "Transaction") -> Request:
         """Return the request as the slow path would have prepared it."""
         raise NotImplementedError
 
@@ -217,7 +217,7 @@ class Transaction:
     """What it carries on the fast path."""
     readbacks: Sequence[Readback | None] = ()
     """Of each position that it reads, on the fast path: as they were when it was sent."""
-    _rewritings: tuple[Rewriting, ...] = ()
+    _requests: tuple[Request, ...] = ()
     _rendering: Rendering | None = None
 
     def __init__(
@@ -251,19 +251,19 @@ class Transaction:
         return self.stopping is not _NO_STOP
 
     @property
-    def rewritings(self) -> tuple[Rewriting, ...]:
-        """What it makes of each unit that it reaches; a broadcast reaches several."""
-        if self.target is not None and self.path is not None and not self._rewritings:
-            self._rewritings = (self.path.rewriting(self),)
-        return self._rewritings
+    def requests(self) -> tuple[Request, ...]:
+        """The request as each unit has it that it reaches, as it is sent; a broadcast reaches several."""
+        if self.target is not None and self.path is not None and not self._requests:
+            self._requests = (self.path.request(self),)
+        return self._requests
 
     def note_frames(self, frames: tuple[Frame, ...]) -> None:
         """Note what its bytes say."""
         self.frames = frames
 
-    def prepare(self, rewritings: tuple[Rewriting, ...]) -> None:
-        """Note what was made of it."""
-        self._rewritings = rewritings
+    def note_requests(self, requests: tuple[Request, ...]) -> None:
+        """Note what is sent for it."""
+        self._requests = requests
 
     def knowledge(self) -> Known:
         """Return what was read for it, to be added to."""
@@ -505,8 +505,8 @@ class Endings:
         elif reply:
             self._pass_back(transaction, outcome, code, reply, now_ns)
         else:
-            for rewriting in transaction.rewritings:
-                _finish_axes(rewriting, outcome, code, now_ns)
+            for request in transaction.requests:
+                finish(request, outcome, code, now_ns)
         if answer is not Answer.NOTHING:
             self._answer(transaction, code, answer)
 
@@ -529,24 +529,24 @@ class Endings:
         is worked out, unless the same frame also reads positions, which that state turns back.
         """
         self._counters.note_reply(reply)
-        rewritings = transaction.rewritings
-        if not rewritings:
+        requests = transaction.requests
+        if not requests:
             self.reply(transaction, reply)
             unit = self._unit_of(transaction.unit_id)
             note_discrete(unit, transaction.pdu, reply, transaction.sent_ns)
             return
         is_acknowledged = outcome is Outcome.ACKNOWLEDGED
-        for rewriting in rewritings:
-            is_read = rewriting.access.read_quantity > 0
+        for request in requests:
+            is_read = request.reads_too
             if is_acknowledged and is_read:
-                _finish_axes(rewriting, outcome, code, now_ns)
-                self.reply(transaction, turned_back(rewriting, reply))
+                finish(request, outcome, code, now_ns)
+                self.reply(transaction, turned_back(request, reply))
             else:
-                passed = reply_without_positions(rewriting, reply, is_acknowledged=is_acknowledged)
+                passed = reply_without_positions(request, reply, is_acknowledged=is_acknowledged)
                 self.reply(transaction, passed)
-                _finish_axes(rewriting, outcome, code, now_ns)
+                finish(request, outcome, code, now_ns)
             if is_read:
-                self._counters.unmapped_reads += rewriting.reads_unmapped
+                self._counters.unmapped_reads += request.reads_unmapped
 
     def _answer(self, transaction: Transaction, code: int, answer: Answer) -> None:
         port = transaction.port
@@ -575,11 +575,6 @@ class Endings:
 
 def outcome_of_reply(transaction: Transaction, reply: bytes) -> tuple[Outcome, int]:
     """Return how a transaction ends that its drive replied to, and the exception code that stands for it."""
-    for rewriting in transaction.rewritings:
-        return outcome_of(rewriting, reply)
+    for request in transaction.requests:
+        return outcome_of(request, reply)
     return (Outcome.EXCEPTION, reply[-1]) if is_exception(reply) else (Outcome.ACKNOWLEDGED, 0)
-
-
-def _finish_axes(rewriting: Rewriting, outcome: Outcome, code: int, now_ns: int) -> None:
-    for axis, written in rewriting.written:
-        axis.finish(written, outcome, code, now_ns)

@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.groups import join_terms
+from gateway.exchange.axis.axis import Axis, join_terms
 from gateway.exchange.axis.record import Record, digest_of_axis
 from gateway.exchange.axis.record_layout import RECORD_SIZE, RecordSlots
 from gateway.exchange.commands import SetReference

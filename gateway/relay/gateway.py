@@ -15,7 +15,7 @@ from gateway.catalogue import table_events as tables
 from gateway.clock import boot_ns
 from gateway.compensation.table import CorrectionTable
 from gateway.compiled import is_compiled
-from gateway.exchange.axis.groups import join_terms
+from gateway.exchange.axis.axis import join_terms
 from gateway.exchange.axis.record import FindTable
 from gateway.exchange.commands import (
     ClearTable,

@@ -9,11 +9,11 @@ import pytest
 from gateway.compensation.moves import Accepted
 from gateway.compiled import is_compiled
 from gateway.drives.motion import Action
+from gateway.exchange.access import Access
 from gateway.exchange.added_frames import AddedFrame, read_word
 from gateway.exchange.axis import impossible
 from gateway.exchange.axis.acknowledge import ON_WIRE_AFTER, OnWire, Outcome, Rendering, WireEvent
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.axis_request import AxisRequest, Command
 from gateway.exchange.axis.impossible import ImpossibleEventError
 from gateway.exchange.axis.interlock import BLOCK_AFTER, Block, BlockEvent
 from gateway.exchange.axis.motion import MOTION_AFTER, TARGETED, MotionEvent, MotionState
@@ -23,9 +23,13 @@ from gateway.exchange.axis.reference import (
     ReferenceEvent,
     ReferenceState,
 )
+from gateway.exchange.decode import AxisCommand, Frame
+from gateway.exchange.effects import finish
 from gateway.exchange.events import EventKind
 from gateway.exchange.plan import ControllerPlan, Reference
+from gateway.exchange.request import NOTHING_KNOWN, Request
 from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase, Stopping, Transaction
+from gateway.exchange.unit import UnitMap
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan
 
@@ -81,6 +85,7 @@ def test_the_table_of_motion_is_what_the_rules_say() -> None:
 
 
 DONE_BIT: Final = {"done": BitField(0x30, 0)}
+WRITE: Final = bytes((0x10,)) + COMMAND.address.to_bytes(2, "big") + bytes.fromhex("0002 04 00000000")
 
 
 def an_axis(*, has_actual: bool = True) -> Axis:
@@ -100,18 +105,13 @@ def see(axis: Axis, counts: int) -> None:
 
 
 def do(axis: Axis, action: Action) -> None:
-    command = Command(
-        action=action,
-        number=None,
-        words={},
-        coils={},
-        unclear_words=frozenset(),
-        written=(),
-        modes_written=(),
-        epoch=0,
-        is_doubtful=False,
-    )
-    axis.finish(AxisRequest(0, command), Outcome.ACKNOWLEDGED, 0, 1 * MS)
+    end(AxisCommand(axis, action), Outcome.ACKNOWLEDGED, 0, 1 * MS)
+
+
+def end(command: AxisCommand, outcome: Outcome, code: int, now_ns: int) -> None:
+    """Let a request end that does no more than this to its axis."""
+    frame = Frame(UnitMap([command.axis]), WRITE, Access(write_address=COMMAND.address, write_quantity=2), {})
+    finish(Request(frame, [command], NOTHING_KNOWN, 0, arrived_ns=0), outcome, code, now_ns)
 
 
 def acknowledge(axis: Axis, counts: int = 50_000) -> None:
@@ -274,9 +274,9 @@ def test_a_distance_that_passed_unchanged_leaves_nobody_knowing_where_the_axis_i
 ) -> None:
     axis = an_axis()
     acknowledge(axis)
-    request = AxisRequest(0)
-    request.goes_unknown = True
-    axis.finish(request, outcome, code, 9 * MS)
+    command = AxisCommand(axis)
+    command.goes_unknown = True
+    end(command, outcome, code, 9 * MS)
     assert axis.motion.state is after
     check(axis)
 
@@ -486,18 +486,9 @@ BLOCK_WALK: Final = {
 
 
 def write_whole(axis: Axis, *, epoch: int) -> None:
-    command = Command(
-        action=Action.IGNORE,
-        number=None,
-        words={},
-        coils={},
-        unclear_words=frozenset(),
-        written=(0,),
-        modes_written=(),
-        epoch=epoch,
-        is_doubtful=False,
-    )
-    axis.finish(AxisRequest(0, command), Outcome.ACKNOWLEDGED, 0, 1 * MS)
+    command = AxisCommand(axis, hits=UnitMap([axis]).written(COMMAND.address, 2).fields)
+    command.epoch = epoch
+    end(command, Outcome.ACKNOWLEDGED, 0, 1 * MS)
 
 
 @pytest.mark.parametrize(("block", "event"), list(product(Block, BlockEvent)), ids=lambda each: each.value)

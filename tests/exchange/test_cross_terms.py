@@ -8,7 +8,7 @@ import pytest
 from gateway.compensation.settings import Setpoints, ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.axis.groups import join_terms
+from gateway.exchange.axis.axis import join_terms
 from gateway.exchange.commands import SetReference
 from gateway.exchange.control import set_temperature
 from gateway.exchange.plan import AxisPlan, CrossPlan, Reference

@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from gateway.exchange.axis.axis_request import SteadyTarget
+from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_requests import Heads, RequestJudge, leave_on
 from gateway.exchange.cut_through import Cut, CutThrough, Turn
 from gateway.exchange.dispatch import Units

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from gateway.compensation.settings import ThermalSettings
-from gateway.exchange.axis.groups import join_terms
+from gateway.exchange.axis.axis import join_terms
 from gateway.exchange.control import set_temperature, switch
 from gateway.exchange.status import axis_status
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, stream_plan, write

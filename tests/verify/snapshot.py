@@ -18,8 +18,8 @@ from types import MemberDescriptorType, MethodType, ModuleType
 from typing import Any, Final, NamedTuple
 
 from gateway.compensation.axis import AxisCompensation
+from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.axis_request import SteadyTarget
 from gateway.exchange.axis.impossible import IGNORED
 from gateway.exchange.axis.interlock import BLOCK_AFTER, Block
 from gateway.exchange.axis.motion import MOTION_AFTER
@@ -760,7 +760,7 @@ def watch_stores(axis: Axis, may_store: Callable[[], bool]) -> None:
 def is_sending_unsure(line: LineExchange) -> bool:
     """Whether the frame on the wire carries a target whose branch was assumed; the fast path takes none."""
     exchange = getattr(line, "_current", None)
-    return exchange is not None and _holds_unsure(exchange._rewritings, 0)
+    return exchange is not None and _holds_unsure(exchange._requests, 0)
 
 
 def _holds_unsure(value: Any, depth: int) -> bool:
@@ -770,7 +770,7 @@ def _holds_unsure(value: Any, depth: int) -> bool:
         return any(_holds_unsure(each, depth + 1) for each in value.values())
     if isinstance(value, tuple | list):
         return getattr(value, "is_unsure", False) or any(_holds_unsure(each, depth + 1) for each in value)
-    found = (getattr(value, name, None) for name in ("by_axis", "targets", "runs"))
+    found = (getattr(value, name, None) for name in ("commands", "targets", "runs"))
     return any(_holds_unsure(each, depth + 1) for each in found if each)
 
 

@@ -9,7 +9,8 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final, NamedTuple
 
-from gateway.compensation.moves import Accepted, Move
+from gateway.compensation.moves import Accepted, Move, SteadyMove
+from gateway.compiled import mypyc_attr
 from gateway.counts import Counts
 from gateway.exchange.axis.impossible import IGNORED, sentence_of
 
@@ -149,6 +150,29 @@ class Rendering(NamedTuple):
     """Of such: the target right before it is so near that to see the axis there proves nothing."""
     proof: Proof = Proof.ONE
     """Of such, where its start is known: what readings at its ends have told by now."""
+
+
+@mypyc_attr(free_list_len=1)  # as of the moves in them
+class SteadyTarget:
+    """A target on the fast path."""
+
+    __slots__ = ("corrected_counts", "corrected_words", "epoch", "nominal_words", "steady")
+
+    def __init__(
+        self,
+        nominal_words: bytes,
+        corrected_words: bytes,
+        corrected_counts: Counts,
+        epoch: int,
+        steady: SteadyMove | None,
+    ) -> None:
+        self.nominal_words = nominal_words
+        self.corrected_words = corrected_words
+        self.corrected_counts = corrected_counts
+        self.epoch = epoch
+        """Of its field, when it was sent."""
+        self.steady = steady
+        """What accepting it means; None: it is a repeat."""
 
 
 class Acknowledgement:

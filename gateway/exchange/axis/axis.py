@@ -29,12 +29,13 @@ offset, the last target in both frames, and the readback map that turns readings
 *What the drive holds* is the register image (``registers``): targets may stand in the drive without being
 run, and parts of them may have been lost. What was lost blocks the triggers (``interlock``).
 
-All of that changes through the methods of :class:`Axis` and nowhere else: each thing that can happen to an
-axis is one of them. What it changes is the axis alone, and what is to be told of it, which the line passes on
-(``events``). Who moves the axis (``hold``) is kept beside it, by ``ownership``.
+Each thing that can happen to an axis is one method of :class:`Axis`. What a request makes of its axes as it
+leaves and as it ends is in ``exchange.effects``, and what it makes of their group in ``exchange.group``.
+Nothing else changes an axis. What is to be told of it waits in ``events``, which the line passes on. Who
+moves the axis (``hold``) is kept beside it, by ``ownership``.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from math import isfinite
@@ -48,9 +49,9 @@ from gateway.compensation.moves import Accepted, Move, State
 from gateway.compensation.readback import Fade, Readback
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Form
-from gateway.exchange.axis.acknowledge import Acknowledgement, Outcome, Proof, Rendering
-from gateway.exchange.axis.axis_request import AxisRequest, Command, Part, SteadyTarget
+from gateway.exchange.axis.acknowledge import Acknowledgement, Proof, Rendering, SteadyTarget
 from gateway.exchange.axis.beam import Beam, BeamEvent, Fixed
+from gateway.exchange.axis.cross_term import Partner
 from gateway.exchange.axis.hold import Hold
 from gateway.exchange.axis.hunting import MOST, Hunting
 from gateway.exchange.axis.interlock import Block, Interlock
@@ -74,7 +75,7 @@ from gateway.exchange.axis.record import (
 )
 from gateway.exchange.axis.record_layout import Remembered, RememberedMove
 from gateway.exchange.axis.reference import AxisReference, ReferenceEvent
-from gateway.exchange.axis.registers import JOIN_NS, FieldImage, Loss, RuleImage
+from gateway.exchange.axis.registers import FieldImage, RuleImage
 from gateway.exchange.axis.sight import SIGHT_AFTER, Sight, Told
 from gateway.exchange.axis.terms import Terms
 from gateway.exchange.events import Event, EventKind
@@ -393,7 +394,7 @@ class Axis:
         ``was_closed``: a connection was closed in order, by its server when it was idle or by us.
         """
         if self.beam is not None:
-            self._group_happens(BeamEvent.ENDED)
+            self.beam.happens(BeamEvent.ENDED)
         self.motion.lose_reach(KeptOver.ORDERLY_CLOSE if was_closed else KeptOver.LOSS)
         self._forget_words()
 
@@ -404,7 +405,7 @@ class Axis:
 
     # --- whether its positions mean anything -----------------------------------------------------------
 
-    def _reference_happens(self, event: ReferenceEvent) -> None:
+    def reference_happens(self, event: ReferenceEvent) -> None:
         """Go on to the state of the reference that the table says, and put it into force."""
         was_referenced = self.reference.is_referenced
         self.reference.happens(event)
@@ -436,9 +437,15 @@ class Axis:
         self.reference.see_homed_bit(now_ns, is_set=is_set)
         self._follow_reference(was_referenced=was_referenced)
 
+    def begin_homing(self, now_ns: int, *, is_certain: bool) -> None:
+        """A homing command went out; ``is_certain``: the drive acknowledged it."""
+        was_referenced = self.reference.is_referenced
+        self.reference.begin_homing(now_ns, is_certain=is_certain)
+        self._follow_reference(was_referenced=was_referenced)
+
     def lose_reference(self) -> None:
         """The drive may have lost its position."""
-        self._reference_happens(ReferenceEvent.LOSS)
+        self.reference_happens(ReferenceEvent.LOSS)
 
     def declare_referenced(self) -> None:
         """A person says that the axis stands where its drive says.
@@ -447,7 +454,7 @@ class Axis:
         words, also on its way.
         """
         members = [each for each in (self, *self.peers) if each.compensation.accepted is not None]
-        self._reference_happens(ReferenceEvent.DECLARED)
+        self.reference_happens(ReferenceEvent.DECLARED)
         if self.beam is not None:
             self.follow_group()
         for member in members:
@@ -473,50 +480,6 @@ class Axis:
 
     # --- what the first trigger of its group fixes (M11) -----------------------------------------------
 
-    def settle_group(self, now_ns: int) -> None:
-        """Bring its group up to date: one reference for all, and no decision of before that has ended."""
-        if self.beam is None:
-            return
-        self.follow_group()
-        if self.beam.is_over(now_ns):
-            self._group_happens(BeamEvent.EXPIRED)
-        elif self.beam.is_under_way and self._is_group_through(now_ns):
-            self._group_happens(BeamEvent.WHOLE)
-
-    def begin_group_anew(self) -> None:
-        """It has gone, and is given another target before the others of its group went: a new round."""
-        self._group_happens(BeamEvent.AGAIN)
-
-    def is_joined(self, first: int, count: int, now_ns: int) -> bool:
-        """Whether words of a target, from its word ``first`` on, belong to that with which it went."""
-        fixed = self.fixed
-        if fixed is None or now_ns - fixed.part_ns > JOIN_NS:
-            return False
-        words = (1 << count) - 1 << first
-        return fixed.missing & words == words
-
-    def _group_happens(self, event: BeamEvent) -> None:
-        """Go on to the state that the table says; with ``OPEN`` what was put off comes into force."""
-        assert self.beam is not None
-        if self.beam.happens(event):
-            for member in (self, *self.peers):
-                member.release()
-
-    def fix(self, run: Rendering | None, *, keeps_words: bool) -> None:
-        """Its group goes: reference and correction are what they are now, until nothing is fixed any more."""
-        accepted, actual = self.compensation.accepted, self.motion.actual
-        nominal_counts = None if accepted is None else accepted.nominal_counts
-        if nominal_counts is None and actual is not None:
-            nominal_counts = self.motion.nominal_of(actual.counts)
-        self.fixed = Fixed(
-            self.goes_as_referenced,
-            self.motion.state,
-            self.motion.has_reported_done,
-            nominal_counts,
-            run,
-            keeps_words,
-        )
-
     def release(self) -> None:
         """What was put off comes into force: as ever, with the next different target."""
         fixed, self.fixed = self.fixed, None
@@ -536,77 +499,6 @@ class Axis:
         self.fixed = fixed
         self.beam.put_off()
 
-    def _leave_in_group(self, request: AxisRequest, now_ns: int) -> None:
-        """A request leaves to an axis of a group: it fixes what all go by, or goes by that, or ends it."""
-        beam, command = self.beam, request.command
-        if beam is None:
-            return
-        if command is not None and command.action in MOVES_OTHERWISE:
-            self._group_happens(BeamEvent.ENDED)
-        elif request.targets or request.runs or (command is not None and command.action.runs_target):
-            is_first = beam.is_open
-            if is_first:
-                beam.fix(self.plan.name, now_ns)
-                keeps_words = self._keeps_other_words(request)
-                for member in (self, *self.peers):
-                    run = None if member is self else request.peer_runs.get(member.plan.name)
-                    member.fix(run, keeps_words=keeps_words)
-            elif not self._keeps_other_words(request):
-                self._keep_no_other_words()
-            if not is_first and beam.has_put_off and self.fixed is not None and not self.fixed.has_gone:
-                detail = f"it goes as {beam.led_by} has gone; what was asked for since comes into force then"
-                self.tell(EventKind.GROUP_HELD, detail)
-            self._group_happens(BeamEvent.LEFT)
-
-    def _keep_no_other_words(self) -> None:
-        """One goes by what was fixed, so no other one of its group keeps words of another switch any more."""
-        for member in (self, *self.peers):
-            if member.fixed is not None and member.fixed.keeps_words:
-                member.fixed = member.fixed._replace(keeps_words=False)
-
-    def _end_in_group(self, request: AxisRequest, outcome: Outcome, code: int, now_ns: int) -> None:
-        """A request to an axis of a group has ended: it has gone, was refused, or was given a target."""
-        command, fixed = request.command, self.fixed
-        if fixed is None:
-            return
-        if request.targets or request.runs or (command is not None and command.action.runs_target):
-            if outcome is Outcome.ACKNOWLEDGED or outcome is Outcome.BROADCAST:
-                missing = self._missing_words(request, fixed, now_ns)
-                self.fixed = fixed._replace(has_gone=True, missing=missing, part_ns=now_ns if missing else 0)
-                is_whole = self._is_group_through(now_ns)
-                self._group_happens(BeamEvent.WHOLE if is_whole else BeamEvent.WENT)
-            else:
-                is_refusal = outcome is Outcome.EXCEPTION
-                is_undone = is_refusal and self.writes_nothing(code, reads_too=request.reads_too)
-                if not is_undone and not any(fixed.has_gone for fixed in self._all_fixed()):
-                    self.fixed = fixed._replace(may_have_gone=True)
-                    self._tell_unproven_first(code)
-                else:
-                    self._note_skew(code)
-                self._group_happens(BeamEvent.REFUSED if is_undone else BeamEvent.UNPROVEN)
-        elif command is not None and outcome is Outcome.ACKNOWLEDGED:
-            is_distance = self.last_run.is_relative
-            if fixed.has_gone:
-                is_other = any(
-                    is_distance or not self.motion.holds_target(number) for number in command.written
-                )
-            else:
-                is_other = fixed.may_have_gone
-                is_other = is_other and any(not self._holds_unproven(number) for number in command.written)
-            if is_other:
-                self._group_happens(BeamEvent.AGAIN)
-
-    def _all_fixed(self) -> list[Fixed]:
-        """What is fixed of the axes of its group."""
-        return [member.fixed for member in (self, *self.peers) if member.fixed is not None]
-
-    def _holds_unproven(self, number: int) -> bool:
-        """Whether a command field holds the target to which it may have gone, or not all of one."""
-        image = self.fields[number]
-        if image.nominal_words is None or image.is_torn:
-            return True  # the rest of it is to come
-        return self.may_have_gone_to(number, image.nominal_words)
-
     def may_have_gone_to(self, number: int, nominal_words: bytes) -> bool:
         """Whether some words are the absolute target that was sent last and never acknowledged."""
         unproven, field = self.motion.unacknowledged, self.plan.command[number]
@@ -623,7 +515,7 @@ class Axis:
         another switch, table or gain while another axis goes by what is asked for. Setpoints of a stream may:
         what is asked for comes into force with way that they go, and the same one again has none.
         """
-        if self.beam is None or self.compensation.is_stream or not self._is_other(spec):
+        if self.beam is None or self.compensation.is_stream or not self.is_other(spec):
             return True
         if self.fixed is not None:
             return self.fixed.keeps_words
@@ -640,13 +532,13 @@ class Axis:
         words = None if number is None else self.fields[number].nominal_words
         if self.holds_unrun and number is not None and words is not None:
             spec = self.spec_of_words(number, words)
-            return spec is not None and self._is_other(spec)
+            return spec is not None and self.is_other(spec)
         if self.motion.unacknowledged is not None and self.motion.unacknowledged.move is not None:
-            return self._is_other(self.motion.unacknowledged.move.state.spec)
+            return self.is_other(self.motion.unacknowledged.move.state.spec)
         if self.motion.superseded is not None:
-            return self._is_other(self.motion.superseded.move.state.spec)
+            return self.is_other(self.motion.superseded.move.state.spec)
         state = self.compensation.state
-        return state.position is None or self._is_other(state.spec)
+        return state.position is None or self.is_other(state.spec)
 
     def spec_of_words(self, number: int, nominal_words: bytes) -> CorrectionSpec | None:
         """With which correction the words were made that a target may keep; None: it is a new one."""
@@ -662,82 +554,13 @@ class Axis:
             return None
         return self.compensation.state.spec
 
-    def _is_other(self, spec: CorrectionSpec) -> bool:
+    def is_other(self, spec: CorrectionSpec) -> bool:
         """Whether a correction is that of another switch, table or gain than what counts for it now."""
         asked = self.wanted if self.goes_as_referenced else NOTHING
         if spec.curve is None or asked.curve is None:
             return spec.curve is not asked.curve
         is_same_table = spec.curve is asked.curve or spec.table_digest == asked.table_digest
         return not (is_same_table and spec.gain == asked.gain)
-
-    def _keeps_other_words(self, request: AxisRequest) -> bool:
-        """Whether the first target of its group keeps words of another switch, table or gain."""
-        for rendering in (*request.targets, *request.runs):
-            if not rendering.is_distance:
-                spec = self.spec_of_words(rendering.number, rendering.nominal_words)
-                if spec is not None and self._is_other(spec):
-                    return rendering.move is None or rendering.move.state.spec is spec
-        return False
-
-    def _missing_words(self, request: AxisRequest, fixed: Fixed, now_ns: int) -> int:
-        """Return which words of a target have not come yet, of a drive that goes to each part of one."""
-        missing = 0
-        for part in request.parts:
-            if part.first >= 0:
-                count = len(part.words) // 2
-                is_joined = self.is_joined(part.first, count, now_ns)
-                all_words = (1 << max(field.words for field in self.plan.command)) - 1
-                missing = (fixed.missing if is_joined else all_words) & ~((1 << count) - 1 << part.first)
-        return missing
-
-    def _is_group_through(self, now_ns: int) -> bool:
-        """Whether each axis of its group has gone, and no word of its target is to come."""
-        for member in (self, *self.peers):
-            fixed = member.fixed
-            if fixed is None or not fixed.has_gone:
-                return False
-            if fixed.missing and now_ns - fixed.part_ns <= JOIN_NS:
-                return False
-        return True
-
-    def _tell_unproven_first(self, code: int) -> None:
-        """It is the first of its group, and nobody knows whether it goes."""
-        assert self.beam is not None
-        self.beam.skew_by(None)
-        detail = (
-            f"its trigger was sent, and the drive may have obeyed it (exception {code:#04x}): the skew is "
-            "not known"
-        )
-        self.tell(EventKind.GROUP_SKEWED, detail)
-
-    def _note_skew(self, code: int) -> None:
-        """It is refused after another axis of its group has gone: nothing of ours stops that one (M3)."""
-        beam, fixed = self.beam, self.fixed
-        if beam is None or not beam.is_under_way or fixed is None or fixed.has_gone:
-            return
-        skew: float | None = 0.0
-        gone = [member for member in self.peers if member.fixed is not None and member.fixed.has_gone]
-        for member in gone:
-            way = member.way_in_group
-            if way is None or skew is None:
-                skew = None
-            elif abs(way) > abs(skew):
-                skew = way
-        if skew == 0.0:
-            return  # nothing has moved
-        beam.skew_by(skew)
-        names, units = " and ".join(member.plan.name for member in gone), self.plan.settings.units.value
-        by = "by a way that nobody knows" if skew is None else f"by {skew:+.6g} {units}"
-        detail = f"{names} has gone, and its own target was refused (exception {code:#04x}): skewed {by}"
-        self.tell(EventKind.GROUP_SKEWED, detail)
-
-    @property
-    def way_in_group(self) -> float | None:
-        """How far it was sent since its group began to go, in units; None: nobody knows."""
-        fixed, accepted = self.fixed, self.compensation.accepted
-        if fixed is None or fixed.nominal_counts is None or accepted is None:
-            return None
-        return (accepted.nominal_counts - fixed.nominal_counts) / self.plan.settings.counts_per_unit
 
     @property
     def blocked_by(self) -> int | None:
@@ -813,7 +636,7 @@ class Axis:
             return
         self.tell(EventKind.COMPENSATION_ENDED, REMAPPED)
         if self.beam is not None:
-            self._group_happens(BeamEvent.ENDED)
+            self.beam.happens(BeamEvent.ENDED)
         self.reference.is_remapped = True
         self.is_enabled = False
         self._choose_correction()
@@ -834,8 +657,10 @@ class Axis:
         if self.terms is not None:
             self.events += self.terms.events(self.plan.name, now_ns)
 
-    def _begin_stream_anew(self) -> None:
-        """The drive counts from another zero: setpoints begin again from where it is."""
+    def move_zero(self) -> None:
+        """The drive counts from another zero: what it was told, and where it was seen, mean nothing now."""
+        self.doubt_words()
+        self.motion.actual = None
         if self.compensation.is_stream:
             self.compensation.begin_anew()
             if self.reference.is_referenced:
@@ -887,7 +712,7 @@ class Axis:
         if not self.reference.follows_homed_bit:
             return
         if self.may_read:
-            self._reference_happens(ReferenceEvent.SILENCE)
+            self.reference_happens(ReferenceEvent.SILENCE)
         else:
             self.see_homed_bit(now_ns, is_set=False)
 
@@ -1041,215 +866,7 @@ class Axis:
         else:
             motion.leave_unacknowledged(rendering, now_ns)
 
-    # --- a request -------------------------------------------------------------------------------------
-
-    def send(self, request: AxisRequest, now_ns: int) -> bool:
-        """A request goes out next: keep what must be known if nobody lives to see the reply.
-
-        Returns:
-            Whether it means something that the register map does not know.
-        """
-        self._leave_in_group(request, now_ns)
-        for rendering in (*request.targets, *request.runs):
-            self.send_target(rendering)
-        command = request.command
-        if command is not None:
-            runs_unknown = command.runs_alone and not request.runs
-            if (
-                command.is_stop
-            ):  # who is found on its way counts as stopped in any case (``may_have_stopped``)
-                is_untold = command.sets_position_too or self.acknowledgement.pending is not None
-            else:
-                is_untold = command.action in MOVES_OTHERWISE or command.is_doubtful or runs_unknown
-            if is_untold:
-                self.send_motion()
-        if request.blind or request.goes_unknown or request.remaps:
-            self.send_motion()
-        is_unknown = command is not None and command.action is Action.UNKNOWN and not self.passes_unchanged
-        if command is not None and is_unknown:
-            self._tell_unknown(command)
-        return is_unknown
-
-    def finish(self, request: AxisRequest, outcome: Outcome, code: int, now_ns: int) -> None:
-        """Take note of how a request ended that went out, and of which exception it ended with."""
-        if outcome is Outcome.ACKNOWLEDGED:
-            self._obeyed(request, now_ns)
-        else:
-            self._not_obeyed(request, outcome, code, now_ns)
-        self.conclude()
-        self._end_in_group(request, outcome, code, now_ns)
-        if request.remaps:
-            for axis in (self, *self.peers):
-                axis.end()
-
-    def _obeyed(self, request: AxisRequest, now_ns: int) -> None:
-        """The drive acknowledged a request in full (M7)."""
-        for image, nominal_words, corrected_words, epoch, written in request.stagings:
-            image.settle(nominal_words, corrected_words, epoch, written)
-        for part in request.buffered_parts:
-            part.image.buffer(part.first, part.words, request.arrived_ns, request.follows_ns)
-        for rendering in (*request.targets, *request.runs):
-            self.acknowledge(rendering, now_ns, request.epochs.get(rendering.number))
-            self.tell_beginning()
-        self._write_blindly(request, now_ns)
-        if request.goes_unknown:
-            self._go_unknown(request, now_ns)
-        command = request.command
-        if command is None:
-            return
-        rules, action = self.rules, command.action
-        rules.note_words(dict(command.words), command.epoch)
-        rules.note_coils(dict(command.coils))
-        rules.doubt(dict.fromkeys(command.unclear_words, 0), {})
-        for number in command.written:
-            rules.stage(number)
-        if command.written or action.runs_target:
-            self.holds_unrun = not action.runs_target
-        if action.runs_target:
-            self._reference_happens(ReferenceEvent.OTHER_MOTION)
-            self.last_run = action
-            mode = None if command.number is None else rules.plan.mode(command.number)
-            if mode is not None and mode.resets_to is not None:
-                rules.note_words({mode.address: mode.resets_to}, command.epoch)
-        if action in MOVES_OTHERWISE:
-            self._move_otherwise(action, now_ns, is_certain=True)
-            if command.runs_stored and not self.passes_unchanged:
-                self.compensation.doubt()  # with words that nobody corrected for it
-            if command.sets_position_too:
-                self._move_otherwise(Action.SET_POSITION, now_ns, is_certain=True)
-        elif command.is_doubtful:
-            self.motion.displace(now_ns, keeps_branch=True)  # the reading counts on it already
-        is_whole = not any(self.fields[number].is_torn for number in command.written)
-        if command.written and is_whole:
-            self._release(command.epoch)
-        if command.runs_alone and not request.is_run_known and not self._runs_retained(request):
-            self.motion.displace(now_ns)
-
-    def _runs_retained(self, request: AxisRequest) -> bool:
-        """Whether a request runs the target of before a loss as it was: its axis stays where it is."""
-        retained = self.motion.superseded
-        if retained is None:
-            return False
-        words = (retained.nominal_words, retained.corrected_words)
-        return any((run.nominal_words, run.corrected_words) == words for run in request.runs)
-
-    def _not_obeyed(self, request: AxisRequest, outcome: Outcome, code: int, now_ns: int) -> None:
-        """A request went out and was not acknowledged; what a refusal proves, the register map says (M7)."""
-        is_broadcast = outcome is Outcome.BROADCAST
-        is_refusal = outcome is Outcome.EXCEPTION
-        is_undone = is_refusal and self.writes_nothing(code, reads_too=request.reads_too)
-        if not is_undone:
-            for rendering in request.targets:
-                self.leave_unproven(rendering, now_ns)
-            for rendering in request.runs:
-                self.leave_run_unproven(rendering, now_ns)
-            for part in request.buffered_parts:
-                part.image.doubt()
-            for staging in request.stagings:
-                staging.image.leave(staging.nominal_words, staging.corrected_words)
-                staging.image.forget()
-        if not is_broadcast:
-            loss = Loss.REFUSED_UNWRITTEN if is_undone else Loss.REFUSED
-            self._lose(request.parts, loss, request.arrived_ns, request.follows_ns, now_ns)
-        self._write_blindly(request, now_ns)
-        if request.goes_unknown and not is_undone:
-            self._go_unknown(request, now_ns)
-        command = request.command
-        if command is None:
-            return
-        if not is_undone:
-            unclear = dict.fromkeys(command.unclear_words, 0)
-            self.rules.doubt({**command.words, **unclear}, dict(command.coils))
-            if command.action in MOVES_OTHERWISE:
-                self._move_otherwise(command.action, now_ns, is_certain=False)
-                if command.runs_stored and not self.passes_unchanged:
-                    self.compensation.doubt()
-                if command.sets_position_too:
-                    self._move_otherwise(Action.SET_POSITION, now_ns, is_certain=False)
-            elif command.runs_alone and not request.is_run_known and not self._runs_retained(request):
-                self.motion.displace(now_ns)
-        if not (is_broadcast or (self.passes_unchanged and is_refusal)):
-            self._block_for(command, code)
-
-    def _go_unknown(self, request: AxisRequest, now_ns: int) -> None:
-        """Nobody knows where the axis goes; flag its branch where its words were not corrected for that."""
-        self.motion.displace(now_ns)
-        if request.is_uncorrected and not self.passes_unchanged:
-            self.compensation.doubt()
-
-    def _write_blindly(self, request: AxisRequest, now_ns: int) -> None:
-        """Nobody knows what command fields hold that were written, nor where the axis goes with them."""
-        for image in request.blind:
-            self.motion.displace(now_ns)
-            image.forget()
-            if image.is_torn:  # words that were lost before are older than what has gone out by now
-                image.tear(request.arrived_ns)
-
-    def lose_request(
-        self,
-        parts: Sequence[Part],
-        command: Command | None,
-        code: int,
-        loss: Loss,
-        *,
-        arrived_ns: int,
-        follows_ns: int,
-    ) -> None:
-        """A request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
-        self._lose(parts, loss, arrived_ns, follows_ns, arrived_ns)
-        if command is not None:
-            if command.action.runs_target:
-                self._note_skew(code)
-            self._block_for(command, code)
-
-    @staticmethod
-    def _lose(parts: Sequence[Part], loss: Loss, arrived_ns: int, follows_ns: int, now_ns: int) -> None:
-        for image, first, words in parts:
-            if first < 0:
-                image.tear(arrived_ns)
-            else:
-                image.lose(loss, first, words, arrived_ns=arrived_ns, follows_ns=follows_ns, now_ns=now_ns)
-
-    def _move_otherwise(self, action: Action, now_ns: int, *, is_certain: bool) -> None:
-        """Something else than a target moves the axis, or stops it, or moves its zero."""
-        is_at_rest = not self.motion.is_moving
-        moved_ns = None if action in (Action.STOP, Action.SET_POSITION) else now_ns
-        self.motion.displace(moved_ns, keeps_branch=action is Action.STOP)
-        if action in (Action.HOME, Action.SET_POSITION):
-            self.doubt_words()
-            self.motion.actual = None  # it was counted from another zero
-            self._begin_stream_anew()
-        if action is Action.HOME:
-            was_referenced = self.reference.is_referenced
-            self.reference.begin_homing(now_ns, is_certain=is_certain)
-            self._follow_reference(was_referenced=was_referenced)
-        elif action is Action.SET_POSITION:
-            is_set_at_rest = is_at_rest and is_certain
-            self._reference_happens(
-                ReferenceEvent.SET_AT_REST if is_set_at_rest else ReferenceEvent.SET_MOVING
-            )
-        else:
-            self._reference_happens(ReferenceEvent.OTHER_MOTION)
-
     # --- triggers that are refused ---------------------------------------------------------------------
-
-    def _block_for(self, command: Command, code: int) -> None:
-        """A target, its mode or a part of it was lost: its triggers are refused from now on (M3)."""
-        # The others of a beam must not go alone (M11); a run refused for their sake holds nobody up.
-        is_run_of_beam = bool(self.peers) and command.action.runs_target and self.blocked_by_peer is None
-        may_stand = self.plan.motion.waits_for_trigger or bool(self.peers)
-        if not may_stand or not (command.written or command.writes_mode or is_run_of_beam):
-            return
-        for address in command.modes_written:
-            self.lose_mode(address, code)
-        if command.written or is_run_of_beam:
-            why = (
-                f"a target or its mode was lost (exception {code:#04x}): triggers are refused until a "
-                "complete one was accepted; stops always pass"
-            )
-            # Of what only stages, the loss is its own: a peer that is released must not go without it.
-            is_own = self.blocked_by_peer is None or not command.action.runs_target
-            self.block_triggers(code, why, is_own=is_own)
 
     def lose_mode(self, address: int, code: int) -> None:
         """The writing of a mode register was lost."""
@@ -1263,25 +880,10 @@ class Axis:
         if self.interlock.refuse(code, is_own=is_own):
             self.tell(EventKind.AXIS_BLOCKED, why)
 
-    def _release(self, epoch: int) -> None:
+    def release_triggers(self, epoch: int) -> None:
         """A complete target was accepted; ``epoch``: when it was sent."""
         if self.interlock.complete(epoch):
             self.tell(EventKind.AXIS_RELEASED, "a complete target was accepted: its triggers pass again")
-
-    def _tell_unknown(self, command: Command) -> None:
-        """Report a frame that means something the register map does not know: once for the same contents."""
-        words = dict(command.words)
-        mode = None if command.number is None else self.rules.plan.mode(command.number)
-        word = None if mode is None else self.rules.word(mode.address)
-        if mode is not None and word is not None:
-            words.setdefault(mode.address, word)
-        contents = tuple(sorted(words.items()))
-        if self.told_unknown == contents:
-            return
-        self.told_unknown = contents
-        shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in contents)
-        what = f"the register map does not know {shown}" if shown else "nobody can tell what a frame means"
-        self.tell(EventKind.UNKNOWN_MODE, f"{what}: it passed untouched")
 
     # --- a staged target that is written once more -----------------------------------------------------
 
@@ -1644,3 +1246,12 @@ class Axis:
         terms.resume(spec, now_ns)
         self.wanted = spec if spec.is_kin_of(self.base) else terms.on(self.base, self.plan)
         self.compensation.want(self.wanted)
+
+
+def join_terms(axes: Iterable[Axis]) -> None:
+    """Let each axis find the axes that act on it, also those of other lines."""
+    axes = tuple(axes)
+    partners = {axis.plan.name: Partner(axis.motion, axis.reference) for axis in axes}
+    for axis in axes:
+        if axis.terms is not None:
+            axis.terms.join(partners)

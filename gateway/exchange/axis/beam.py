@@ -21,11 +21,12 @@ that nothing was obeyed lets the next trigger be the first.
 An axis that has not gone yet may have its target written anew: it still goes by what was fixed, for the
 others stand or go by that. That is also how a beam is levelled of which a later trigger was refused (M3).
 
-The machine is :class:`Beam`, one for each group: its state, and the data that goes with it. What was fixed of
-each axis is its ``fixed`` (:class:`Fixed`), there exactly while the state is not
-``OPEN``. ``Axis`` puts both into force, and nothing else does.
+The machine is :class:`Beam`, one for each group: its state, and the data that goes with it. What was fixed
+of each axis is its ``fixed`` (:class:`Fixed`), there exactly while the state is not ``OPEN``.
+``exchange.group`` sets both, as requests leave and end; ``Axis`` puts off what is asked for meanwhile.
 """
 
+from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -144,9 +145,11 @@ class Fixed(NamedTuple):
 class Beam:
     """Whether the axes of one group go by a decision of before, since when, and by whose trigger."""
 
-    __slots__ = ("has_put_off", "is_skewed", "led_by", "since_ns", "skew", "state")
+    __slots__ = ("_releases", "has_put_off", "is_skewed", "led_by", "since_ns", "skew", "state")
 
-    def __init__(self) -> None:
+    def __init__(self, releases: Sequence[Callable[[], None]]) -> None:
+        self._releases = releases
+        """Called when nothing is fixed any more: of each axis, what was put off comes into force."""
         self.state = BeamState.OPEN
         self.led_by = ""
         """The axis whose trigger has fixed it."""
@@ -160,12 +163,14 @@ class Beam:
         self.skew: float | None = None
         """By how much, in units; None: nobody knows."""
 
-    def happens(self, event: BeamEvent) -> bool:
-        """Go on to the state that the table says; return whether nothing is fixed any more by that."""
+    def happens(self, event: BeamEvent) -> None:
+        """Go on to the state that the table says; with ``OPEN`` what was put off comes into force."""
         before, self.state = self.state, BEAM_AFTER[self.state][event]
         if event is BeamEvent.WHOLE:
             self.is_skewed, self.skew = False, None
-        return before is not _OPEN and self.state is _OPEN
+        if before is not _OPEN and self.state is _OPEN:
+            for release in self._releases:
+                release()
 
     def fix(self, led_by: str, now_ns: int) -> None:
         """The first trigger leaves: what was asked for until now is what counts."""

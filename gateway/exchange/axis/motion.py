@@ -4,7 +4,7 @@ A target that its drive acknowledged makes the axis move (``MOVING``); a done bi
 afterwards prove its arrival step by step (``DONE_REPORTED``, ``IN_WINDOW``, ``ARRIVED``); a stop, a jog,
 homing, an alarm or a lost reply takes that away again. Of an axis that has arrived the sign of its next way
 tells on which branch the next target lies, however short that way; of any other a reading has to tell, or the
-branch is flagged (``rendering``).
+branch is flagged (``render``).
 
 What is seen counts only where it cannot be of the time before: a sample is as old as the sending of its
 request, and a done bit may be that of the move before until it was seen to fall or the drive has had the time

@@ -9,7 +9,7 @@ believe in that write or not, so no part of a position may be combined with what
 lost part makes of its field is :data:`COMPLETENESS_AFTER`, what becomes of the next part :data:`NEXT_PART`
 (M1, M3).
 
-Only ``Axis`` changes an image.
+Only ``Axis`` and ``exchange.effects`` change an image.
 """
 
 from enum import Enum

@@ -1,42 +1,32 @@
-"""What is sent for a request, and what its controller gets for the reply (M1 to M5, M8, M10).
+"""What is sent for a request (M1 to M5, M8, M10).
 
-:func:`prepare` renders the positions that a request writes and makes cut ones whole; nothing of what it finds
-counts before the request was acknowledged. :func:`turned_back` puts every position of a reply back on the
-controller's scale.
+:func:`prepare` renders the positions that a request writes and makes cut ones whole. Nothing that it finds
+counts before the drive has acknowledged the request.
 """
 
-from collections.abc import Iterable
-from collections.abc import Set as AbstractSet
-from typing import Final
-
 from gateway.drives.motion import Action, Form
-from gateway.exchange.access import MEI_HEAD, Access, swapped
-from gateway.exchange.axis.acknowledge import Outcome, Rendering
+from gateway.exchange.access import Access
+from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
-from gateway.exchange.axis.axis_request import Staging
 from gateway.exchange.axis.motion import Keeping
 from gateway.exchange.axis.registers import Completeness, NextPart
+from gateway.exchange.decode import AxisCommand, Staging
 from gateway.exchange.events import EventKind
-from gateway.exchange.meaning import Meaning
-from gateway.exchange.plan import HOMED_BIT
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.exchange.rendering import (
+from gateway.exchange.render import (
     RefusedPositionError,
     Seen,
     base_of,
     is_place_untold,
     lacks_look,
-    nominal_limit,
     render,
     render_distance,
     render_limit,
     render_repeat,
 )
 from gateway.exchange.request import (
-    AxisWrite,
     Known,
     Request,
-    Rewriting,
     Span,
     Standing,
     key_of,
@@ -44,27 +34,19 @@ from gateway.exchange.request import (
     part_of,
     written_part,
 )
-from gateway.exchange.unit import BitHit, FieldHit, FieldPlace, FieldRole, UnitMap
-from gateway.modbus.errors import RegisterRangeError
+from gateway.exchange.unit import FieldHit, FieldPlace, FieldRole
 from gateway.modbus.pdu import (
-    EXCEPTION_BIT,
     MAX_READ_REGISTERS,
     MAX_READ_WRITE_WRITE_REGISTERS,
     MAX_WRITE_REGISTERS,
     ExceptionCode,
     FunctionCode,
-    exception_pdu,
-    is_exception,
 )
-from gateway.modbus.registers import BitTable
-
-READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS})
-
 
 # --- what is sent ------------------------------------------------------------------------------------------
 
 
-def prepare(request: Request, *, has_stop: bool = False) -> Rewriting:
+def prepare(request: Request, *, has_stop: bool = False) -> None:
     """Work out what is sent for a request.
 
     ``has_stop``: its frame stops an axis, of this unit or another one, and passes whatever else it does (M3).
@@ -77,27 +59,24 @@ def prepare(request: Request, *, has_stop: bool = False) -> Rewriting:
         RefusedRequestError: the request must not reach the drive.
     """
     access = request.frame.access
-    rewriting = Rewriting(request, request.frame.pdu)
-    for meaning in request.meanings:
+    runs = request.known.runs
+    for command in request.commands:
         if not has_stop:
-            check_may_act(meaning)
-        written = rewriting.of(meaning.axis)
-        if has_stop and meaning.runs_alone and meaning.axis.plan.name not in request.known.runs:
-            written.run_uncorrected()
+            check_may_act(command)
+        elif command.runs_alone and command.axis.plan.name not in runs:
+            command.run_uncorrected()
     if access.write_quantity:
-        _prepare_write(rewriting, has_stop=has_stop)
-    for name, run in request.known.runs.items():
-        if name in rewriting.by_axis:
-            rewriting.by_axis[name].runs.append(_leaving(run, request.now_ns))
-    rewriting.complete()
-    for axis, written in rewriting.written:
+        _prepare_write(request, has_stop=has_stop)
+    for command in request.commands:
+        axis = command.axis
+        if axis.plan.name in runs:
+            command.runs.append(_leaving(runs[axis.plan.name], request.now_ns))
         if axis.peers:
-            written.peer_runs = request.known.peer_runs
-        for target in (*written.targets, *written.runs):
-            written.epochs[target.number] = axis.fields[target.number].epoch
+            command.peer_runs = request.known.peer_runs
+        for target in (*command.targets, *command.runs):
+            command.epochs[target.number] = axis.fields[target.number].epoch
     if access.read_quantity:
-        _prepare_read(rewriting)
-    return rewriting
+        _prepare_read(request)
 
 
 def _leaving(run: Rendering, now_ns: int) -> Rendering:
@@ -106,10 +85,10 @@ def _leaving(run: Rendering, now_ns: int) -> Rendering:
     return run if move is None else run._replace(move=move._replace(state=move.state._replace(at_ns=now_ns)))
 
 
-def _prepare_write(rewriting: Rewriting, *, has_stop: bool) -> None:
+def _prepare_write(request: Request, *, has_stop: bool) -> None:
     """Render what a request writes; refuse what it must not, unless it stops an axis."""
-    request, frame, access = rewriting.request, rewriting.request.frame, rewriting.access
-    stopped = [meaning.axis for meaning in request.meanings if meaning.is_stop]
+    frame, access = request.frame, request.frame.access
+    stopped = [command.axis for command in request.commands if command.is_stop]
     changed: list[tuple[FieldHit, bytes]] = []
     for own in frame.by_axis:
         axis = own.axis
@@ -118,14 +97,14 @@ def _prepare_write(rewriting: Rewriting, *, has_stop: bool) -> None:
             if role is FieldRole.REMAPPING:
                 _check_counts(hit, access)
                 for each in frame.unit.axes:
-                    rewriting.of(each).remap()
+                    request.of(each).remaps = True
             elif role is not FieldRole.COMMAND and axis not in stopped and not axis.passes_unchanged:
                 try:
-                    changed += _prepare_other(rewriting, hit)
+                    changed += _prepare_other(request, hit)
                 except RefusedRequestError:
                     if not has_stop:
                         raise
-                    _pass_blindly(rewriting, hit)
+                    _pass_blindly(request, hit)
     if not (frame.is_clear or has_stop) and any(not axis.passes_unchanged for axis in frame.unit.axes):
         raise RefusedRequestError(
             ExceptionCode.ILLEGAL_DATA_ADDRESS,
@@ -134,57 +113,56 @@ def _prepare_write(rewriting: Rewriting, *, has_stop: bool) -> None:
         )
     for own in frame.by_axis:
         if own.commands:
-            rewriting.of(own.axis).parts.extend([part_of(hit, frame.pdu, access) for hit in own.commands])
-    for write in request.writes:
-        rewriting.of(write.axis).blind.extend(write.cut)
+            request.of(own.axis).parts.extend([part_of(hit, frame.pdu, access) for hit in own.commands])
+    for command in request.commands:
+        command.blind.extend(command.cut)
         try:
-            changed += _prepare_commands(rewriting, write)
+            changed += _prepare_targets(request, command)
         except RefusedRequestError:
             if not has_stop:
                 raise
-            _pass_targets(rewriting, write)
+            _pass_targets(request, command)
     if changed:
-        _send_rendered(rewriting, changed, has_stop=has_stop)
+        _send_rendered(request, changed, has_stop=has_stop)
 
 
-def _send_rendered(rewriting: Rewriting, changed: list[tuple[FieldHit, bytes]], *, has_stop: bool) -> None:
+def _send_rendered(request: Request, changed: list[tuple[FieldHit, bytes]], *, has_stop: bool) -> None:
     """Send the rendered words; beside a stop all as it came, where there is no room for whole positions."""
     try:
-        rewriting.send_instead(_written_pdu(rewriting.request.frame.pdu, rewriting.access, changed))
+        request.send_instead(_written_pdu(request.frame.pdu, request.frame.access, changed))
     except RefusedRequestError:
         if not has_stop:
             raise
         for hit, _ in changed:
-            _pass_blindly(rewriting, hit)
+            _pass_blindly(request, hit)
 
 
-def _prepare_other(rewriting: Rewriting, hit: FieldHit) -> list[tuple[FieldHit, bytes]]:
+def _prepare_other(request: Request, hit: FieldHit) -> list[tuple[FieldHit, bytes]]:
     """Render a limit, or refuse to write a position around the correction; return what goes out changed."""
     place = hit.place
     if place.role is FieldRole.LIMIT:
-        return [(hit, _stage_limit(hit, rewriting))]
+        return [(hit, _stage_limit(hit, request))]
     if not (place.role is FieldRole.ACTUAL and place.number in place.axis.plan.settable):
         _refuse_guarded(hit)
     return []
 
 
-def _pass_blindly(rewriting: Rewriting, hit: FieldHit) -> None:
+def _pass_blindly(request: Request, hit: FieldHit) -> None:
     """Let a field go out as it came beside a stop: nobody knows what that makes of its axis (M3)."""
-    written, image = rewriting.of(hit.place.axis), hit.place.image
+    written, image = request.of(hit.place.axis), hit.place.image
     written.forget_targets()
     written.run_uncorrected()
     if image is not None:
         written.blind.append(image)
 
 
-def _pass_targets(rewriting: Rewriting, write: AxisWrite) -> None:
+def _pass_targets(request: Request, command: AxisCommand) -> None:
     """Let the targets of an axis go out as they came beside a stop of another one (M3)."""
-    written = rewriting.of(write.axis)
-    written.forget_targets()
-    for hit, words, is_run in write.fields:
-        _pass_raw(rewriting, hit, words)
+    command.forget_targets()
+    for hit, words, is_run in command.writes:
+        _pass_raw(request, hit, words)
         if is_run:
-            written.run_uncorrected()
+            command.run_uncorrected()
 
 
 def _check_counts(hit: FieldHit, access: Access) -> None:
@@ -201,22 +179,22 @@ def _check_counts(hit: FieldHit, access: Access) -> None:
         )
 
 
-def _stage_limit(hit: FieldHit, rewriting: Rewriting) -> bytes:
+def _stage_limit(hit: FieldHit, request: Request) -> bytes:
     """Render a limit; one of which a part is written alone is refused."""
     axis, image = hit.place.axis, hit.place.image
     assert image is not None
-    if not (hit.is_whole and rewriting.access.is_consistent) or rewriting.access.is_mask:
+    if not (hit.is_whole and request.frame.access.is_consistent) or request.frame.access.is_mask:
         raise RefusedRequestError(
             ExceptionCode.SERVER_DEVICE_FAILURE,
             axis.plan.name,
             f"a part of the limit at {_at(hit)} was written: write all of it in one frame",
         )
-    _, words = written_part(hit, rewriting.request.frame.pdu, rewriting.access)
+    _, words = written_part(hit, request.frame.pdu, request.frame.access)
     try:
         corrected_words = render_limit(axis, hit.place.number, words)
     except RefusedPositionError as error:
         raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, axis.plan.name, str(error)) from error
-    rewriting.of(axis).stagings.append(Staging(image, words, corrected_words, image.epoch))
+    request.of(axis).stagings.append(Staging(image, words, corrected_words, image.epoch))
     return corrected_words
 
 
@@ -282,11 +260,11 @@ def _build_write(pdu: bytes, span: Span, words: bytes, axis: Axis) -> bytes:
     return bytes((FunctionCode.WRITE_MULTIPLE_REGISTERS,)) + head + words
 
 
-def _prepare_read(rewriting: Rewriting) -> None:
-    unit, access = rewriting.request.frame.unit, rewriting.access
+def _prepare_read(request: Request) -> None:
+    unit, access = request.frame.unit, request.frame.access
     span = Span(access.read_address, access.read_quantity)
     hits = unit.read(span.address, span.quantity)
-    rewriting.ask(hits, span)
+    request.ask(hits, span)
     if hits.is_unclear and any(not axis.passes_unchanged for axis in unit.axes):
         raise RefusedRequestError(
             ExceptionCode.ILLEGAL_DATA_ADDRESS,
@@ -300,7 +278,7 @@ def _prepare_read(rewriting: Rewriting) -> None:
         axis = hit.place.axis
         if not axis.reads_unchanged and hit.place.role.is_position:
             active.append(hit.place)
-            rewriting.readbacks[axis.plan.name] = axis.compensation.readback
+            request.readbacks[axis.plan.name] = axis.compensation.readback
     whole = span.widened([place.field for place in active])
     if whole == span or access.is_mei:
         return
@@ -311,23 +289,23 @@ def _prepare_read(rewriting: Rewriting) -> None:
             active[0].axis.plan.name,
             f"this read cuts a position, and {whole.quantity} registers are more than the drive's {limit}",
         )
-    pdu = rewriting.sent_pdu
+    pdu = request.sent_pdu
     head = whole.address.to_bytes(2, "big") + whole.quantity.to_bytes(2, "big")
-    rewriting.ask(unit.read(whole.address, whole.quantity), whole)
-    rewriting.send_instead(pdu[:1] + head + pdu[5:])
+    request.ask(unit.read(whole.address, whole.quantity), whole)
+    request.send_instead(pdu[:1] + head + pdu[5:])
 
 
 # --- what must not run -------------------------------------------------------------------------------------
 
 
-def check_may_act(meaning: Meaning) -> None:
+def check_may_act(command: AxisCommand) -> None:
     """Refuse what must not run: a stored position, a trigger whose target was lost.
 
     Raises:
         RefusedRequestError: with the exception code of the lost target, or 4.
     """
-    axis = meaning.axis
-    action = meaning.action
+    axis = command.axis
+    action = command.action
     if action is Action.STORED and not (axis.passes_unchanged or axis.plan.motion.passes_stored_moves):
         raise RefusedRequestError(
             ExceptionCode.SERVER_DEVICE_FAILURE,
@@ -336,9 +314,9 @@ def check_may_act(meaning: Meaning) -> None:
             '(stored_moves = "uncorrected" lets it pass)',
             EventKind.STORED_MOVE,
         )
-    if meaning.is_stop or axis.passes_unchanged:
+    if command.is_stop or axis.passes_unchanged:
         return
-    code = _blocking_code(meaning)
+    code = _blocking_code(command)
     if code is not None:
         raise RefusedRequestError(
             code,
@@ -348,21 +326,21 @@ def check_may_act(meaning: Meaning) -> None:
         )
 
 
-def _blocking_code(meaning: Meaning) -> int | None:
+def _blocking_code(command: AxisCommand) -> int | None:
     """Return the exception code with which an action is refused; None where it may go on.
 
     What writes a whole target and runs it may go on, unless its mode was lost or another axis of the group
     has lost its target: the beam would rack.
     """
-    axis, action = meaning.axis, meaning.action
-    runs_unseen = meaning.runs_alone or (action is Action.UNKNOWN and not meaning.commands)
+    axis, action = command.axis, command.action
+    runs_unseen = command.runs_alone or (action is Action.UNKNOWN and not command.hits)
     if runs_unseen and axis.blocked_by is not None:
         return axis.blocked_by
     if not action.runs_target and action is not Action.UNKNOWN:
         return None
-    mode = None if meaning.number is None else axis.plan.motion.mode(meaning.number)
-    lost_mode = axis.rules.lost_mode(meaning.number)
-    if lost_mode is not None and mode is not None and mode.address not in meaning.words:
+    mode = None if command.number is None else axis.plan.motion.mode(command.number)
+    lost_mode = axis.rules.lost_mode(command.number)
+    if lost_mode is not None and mode is not None and mode.address not in command.words:
         return lost_mode
     return axis.blocked_by_peer if action.runs_target else None
 
@@ -370,7 +348,7 @@ def _blocking_code(meaning: Meaning) -> int | None:
 # --- targets that the drive goes to --------------------------------------------------------------------
 
 
-def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[FieldHit, bytes]]:
+def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[FieldHit, bytes]]:
     """Render the command fields of one axis: those that run, then those that the drive only holds.
 
     Returns:
@@ -379,14 +357,13 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
     Raises:
         RefusedRequestError: the request must not reach the drive.
     """
-    request, axis, action = rewriting.request, write.axis, write.action
-    written = rewriting.of(axis)
+    axis, action = command.axis, command.action
     changed: list[tuple[FieldHit, bytes]] = []
     if action in MOVES_OTHERWISE:
-        for hit, words, _ in write.fields:
-            _pass_raw(rewriting, hit, words)
+        for hit, words, _ in command.writes:
+            _pass_raw(request, hit, words)
         return changed
-    for hit, words, is_run in write.fields:
+    for hit, words, is_run in command.writes:
         if not is_run:
             continue
         number, image = hit.place.number, hit.place.image
@@ -394,11 +371,11 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
         # What was refused before would run with it (M3): the trigger is in this frame, or is this word.
         runs_lost_part = image.is_torn and not hit.is_whole and axis.plan.motion.waits_for_trigger
         if words is None or (runs_lost_part and image.completeness is Completeness.PART_REFUSED):
-            _refuse_unknown(rewriting, hit)
+            _refuse_unknown(request, hit)
             continue
         rendering: Rendering | None
         try:
-            if write.is_again and not lacks_look(axis, seen(request, axis)):
+            if command.is_again and not lacks_look(axis, seen(request, axis)):
                 rendering = render_repeat(axis, number)
             elif action.is_relative:
                 rendering = render_relative(request, axis, number, words, action)
@@ -406,24 +383,23 @@ def _prepare_commands(rewriting: Rewriting, write: AxisWrite) -> list[tuple[Fiel
                 rendering = render(axis, number, words, seen(request, axis))
         except RefusedPositionError as error:
             if axis.passes_unchanged:
-                written.blind.append(image)
+                command.blind.append(image)
                 continue
             name = axis.plan.name
             raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
-        is_complete = _is_complete(hit, rewriting.access)
+        is_complete = _is_complete(hit, request.frame.access)
         if rendering is None:  # a distance passes as it is, and nobody knows where it leads
-            written.stagings.append(Staging(image, words, words, image.epoch))
-            written.go_anywhere()
+            command.stagings.append(Staging(image, words, words, image.epoch))
+            command.go_anywhere()
             if not is_complete:
                 changed.append((hit, words))
             continue
-        written.targets.append(rendering)
+        command.targets.append(rendering)
         if not (axis.passes_unchanged and is_complete) or rendering.corrected_words != words:
             changed.append((hit, rendering.corrected_words))
-    for hit, words, is_run in write.fields:
+    for hit, words, is_run in command.writes:
         if not is_run:
-            assert write.meaning is not None
-            changed += _stage(rewriting, write.meaning, hit, words)
+            changed += _stage(request, command, hit, words)
     return changed
 
 
@@ -464,21 +440,21 @@ def render_relative(
 # --- targets that the drive only holds -----------------------------------------------------------------
 
 
-def _pass_raw(rewriting: Rewriting, hit: FieldHit, words: bytes | None) -> None:
+def _pass_raw(request: Request, hit: FieldHit, words: bytes | None) -> None:
     """Let words go out as they came: in a stop, homing or unknown frame they are no target (M2)."""
     axis, image = hit.place.axis, hit.place.image
     assert image is not None
     if words is None:
-        rewriting.of(axis).blind.append(image)
+        request.of(axis).blind.append(image)
         return
-    access, in_drive = rewriting.access, None
+    access, in_drive = request.frame.access, None
     is_whole = hit.is_whole and not access.is_mask
     if is_whole or (axis.passes_unchanged and _is_complete(hit, access)):
         in_drive = words
     elif not access.is_mask:
-        in_drive = _merged(image.corrected_words, *written_part(hit, rewriting.request.frame.pdu, access))
-    written = mask_written(hit, rewriting.request.frame.pdu, access)
-    rewriting.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch, written))
+        in_drive = _merged(image.corrected_words, *written_part(hit, request.frame.pdu, access))
+    written = mask_written(hit, request.frame.pdu, access)
+    request.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch, written))
 
 
 def _is_complete(hit: FieldHit, access: Access) -> bool:
@@ -494,42 +470,42 @@ def _is_complete(hit: FieldHit, access: Access) -> bool:
 
 
 def _stage(
-    rewriting: Rewriting, meaning: Meaning, hit: FieldHit, words: bytes | None
+    request: Request, command: AxisCommand, hit: FieldHit, words: bytes | None
 ) -> list[tuple[FieldHit, bytes]]:
     """Render a staged target as well as it can be foreseen; its trigger computes it anew (M2)."""
-    axis, image, request = hit.place.axis, hit.place.image, rewriting.request
+    axis, image = hit.place.axis, hit.place.image
     assert image is not None
     if words is None:
         is_refused = image.next_part(request.arrived_ns) is NextPart.REFUSED
-        if rewriting.access.is_mask or is_refused or not rewriting.access.is_consistent:
-            _refuse_unknown(rewriting, hit)
+        if request.frame.access.is_mask or is_refused or not request.frame.access.is_consistent:
+            _refuse_unknown(request, hit)
         else:  # its trigger is refused until the other parts have come
-            part = part_of(hit, request.frame.pdu, rewriting.access)
-            rewriting.of(axis).buffered_parts.append(part)
+            part = part_of(hit, request.frame.pdu, request.frame.access)
+            request.of(axis).buffered_parts.append(part)
         return []
-    mask = mask_written(hit, request.frame.pdu, rewriting.access)
+    mask = mask_written(hit, request.frame.pdu, request.frame.access)
     motion = axis.motion
     kept = motion.superseded if motion.keeping(hit.place.number, words) is Keeping.SAME_WORDS else None
     waits_for_other_words = bool(axis.plan.motion.starts_on) and not hit.is_whole
-    is_complete = _is_complete(hit, rewriting.access) or axis.writes_words_alone
+    is_complete = _is_complete(hit, request.frame.access) or axis.writes_words_alone
     if waits_for_other_words or (axis.passes_unchanged and is_complete and kept is None):
-        _pass_raw(rewriting, hit, words)
+        _pass_raw(request, hit, words)
         return []
     if axis.passes_unchanged and kept is None:
-        rewriting.of(axis).stagings.append(Staging(image, words, words, image.epoch, mask))
+        request.of(axis).stagings.append(Staging(image, words, words, image.epoch, mask))
         return [(hit, words)]
-    corrected_words = _foreseen(request, meaning, hit, words) if kept is None else kept.corrected_words
+    corrected_words = _foreseen(request, command, hit, words) if kept is None else kept.corrected_words
     in_drive: bytes | None = corrected_words
     if axis.writes_words_alone and not hit.is_whole:
-        first, written = written_part(hit, request.frame.pdu, rewriting.access)
+        first, written = written_part(hit, request.frame.pdu, request.frame.access)
         in_drive = _merged(
             image.corrected_words, first, corrected_words[2 * first : 2 * first + len(written)]
         )
-    rewriting.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch, mask))
+    request.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch, mask))
     return [(hit, corrected_words)]
 
 
-def _foreseen(request: Request, meaning: Meaning, hit: FieldHit, words: bytes) -> bytes:
+def _foreseen(request: Request, command: AxisCommand, hit: FieldHit, words: bytes) -> bytes:
     axis, number, image = hit.place.axis, hit.place.number, hit.place.image
     assert image is not None
     now = Seen(request.now_ns, None)
@@ -541,7 +517,7 @@ def _foreseen(request: Request, meaning: Meaning, hit: FieldHit, words: bytes) -
         return image.corrected_words
     if axis.motion.keeping(number, words) is Keeping.UNSEEN:
         return words  # its trigger is refused until a reading tells what it is
-    action, is_certain = _expected(meaning, number)
+    action, is_certain = _expected(command, number)
     try:
         if action.is_relative:
             base = base_of(axis, action, Known())
@@ -564,16 +540,16 @@ def may_run_distances(axis: Axis) -> bool:
     return any(deed.action.is_relative for trigger in triggers for deed in trigger.deeds.values())
 
 
-def _expected(meaning: Meaning, number: int) -> tuple[Action, bool]:
+def _expected(command: AxisCommand, number: int) -> tuple[Action, bool]:
     """Return how a staged target will probably be run, and whether that is certain enough to refuse it."""
-    axis = meaning.axis
+    axis = command.axis
     motion = axis.plan.motion
     mode = motion.mode(number)
     if mode is None:
         return (axis.last_run, False) if may_run_distances(axis) else (Action.ABSOLUTE, True)
-    word = meaning.words.get(mode.address, axis.rules.word(mode.address))
+    word = command.words.get(mode.address, axis.rules.word(mode.address))
     action = Action.UNKNOWN if word is None or mode.is_in_frame else mode.action(word)
-    is_same_frame = mode.address in meaning.words
+    is_same_frame = mode.address in command.words
     return (Action.ABSOLUTE if action is Action.START else action), is_same_frame
 
 
@@ -586,7 +562,7 @@ def _merged(words: bytes | None, first: int, part: bytes) -> bytes | None:
 # --- parts whose rest is not known ---------------------------------------------------------------------
 
 
-def _refuse_unknown(rewriting: Rewriting, hit: FieldHit) -> None:
+def _refuse_unknown(request: Request, hit: FieldHit) -> None:
     """Refuse a write that leaves a position nobody knows, unless the axis passes 1:1.
 
     Then too where it leaves words of the drive as they are that may be corrected ones.
@@ -596,17 +572,17 @@ def _refuse_unknown(rewriting: Rewriting, hit: FieldHit) -> None:
     """
     axis, image = hit.place.axis, hit.place.image
     assert image is not None
-    is_whole = hit.is_whole and not rewriting.access.is_mask
+    is_whole = hit.is_whole and not request.frame.access.is_mask
     if axis.passes_unchanged and (is_whole or not image.may_be_corrected):
-        rewriting.of(axis).blind.append(image)
+        request.of(axis).blind.append(image)
         return
-    if not rewriting.access.is_consistent:
+    if not request.frame.access.is_consistent:
         raise RefusedRequestError(
             ExceptionCode.ILLEGAL_DATA_VALUE,
             axis.plan.name,
             f"the counts of a write to {_at(hit)} contradict each other",
         )
-    reason = _why_incomplete(hit, rewriting.request)
+    reason = _why_incomplete(hit, request)
     raise RefusedRequestError(
         ExceptionCode.SERVER_DEVICE_FAILURE,
         axis.plan.name,
@@ -624,121 +600,3 @@ def _why_incomplete(hit: FieldHit, request: Request) -> str:
         f"part of the position at {_at(hit)} was written and the rest is not certain: what the drive holds "
         "may lie across a word's border from what was commanded; write all of it in one frame"
     )
-
-
-# --- the reply ---------------------------------------------------------------------------------------------
-
-
-def outcome_of(rewriting: Rewriting, reply: bytes) -> tuple[Outcome, int]:
-    """Return how a request ended that was replied to, and the exception code that stands for it (M7)."""
-    if _acknowledges(rewriting, reply):
-        return Outcome.ACKNOWLEDGED, 0
-    if len(reply) == 2 and reply[0] == rewriting.sent_pdu[0] | EXCEPTION_BIT:
-        return Outcome.EXCEPTION, reply[1]
-    return Outcome.OTHER_REPLY, ExceptionCode.SERVER_DEVICE_FAILURE
-
-
-def reply_without_positions(rewriting: Rewriting, reply: bytes, *, is_acknowledged: bool) -> bytes:
-    """Return what the controller gets for a reply that carries no positions (W4).
-
-    An acknowledgement becomes the echo that belongs to its own request. What is none passes untouched; of a
-    request that was sent in another form, as an exception in the form that was asked.
-    """
-    pdu = rewriting.request.frame.pdu
-    asked, sent = pdu[0], rewriting.sent_pdu[0]
-    if is_acknowledged:
-        if asked == FunctionCode.WRITE_MULTIPLE_REGISTERS:
-            return pdu[:5]
-        is_echoed = asked in (FunctionCode.WRITE_SINGLE_REGISTER, FunctionCode.MASK_WRITE_REGISTER)
-        return pdu if is_echoed else reply
-    if asked == sent:
-        return reply
-    is_refusal = len(reply) == 2 and is_exception(reply)
-    return exception_pdu(asked, reply[1] if is_refusal else ExceptionCode.SERVER_DEVICE_FAILURE)
-
-
-def _acknowledges(rewriting: Rewriting, reply: bytes) -> bool:
-    """Whether a reply is the full native success of what was sent (M7)."""
-    sent, access = rewriting.sent_pdu, rewriting.access
-    if access.is_mei:
-        is_same = reply[:8] == sent[:8]
-        return is_same and (not access.read_quantity or len(reply) == MEI_HEAD + 2 * access.read_quantity)
-    if access.read_quantity:
-        expected = 2 * rewriting.read_span.quantity
-        return reply[0] == sent[0] and len(reply) == 2 + expected and reply[1] == expected
-    if sent[0] in (FunctionCode.WRITE_MULTIPLE_REGISTERS, FunctionCode.WRITE_MULTIPLE_COILS):
-        return reply == sent[:5]
-    return reply == sent
-
-
-def turned_back(rewriting: Rewriting, reply: bytes) -> bytes:
-    """Return a reply to a read with every position on the controller's scale."""
-    access = rewriting.access
-    head = MEI_HEAD if access.is_mei else 2
-    data = bytearray(swapped(reply[head:]) if access.is_mei else reply[head:])
-    try:
-        for hit in rewriting.read_hits.fields:
-            if hit.is_whole and hit.place.role.is_position:
-                _turn_field_back(hit, rewriting, data)
-    except RegisterRangeError:
-        return exception_pdu(rewriting.request.frame.pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE)
-    note_bits(rewriting.read_hits.bits, data, sent_somewhere(rewriting), rewriting.request.now_ns)
-    if access.is_mei:
-        return reply[:head] + swapped(bytes(data)) if rewriting.read_hits.fields else reply
-    skip = 2 * (access.read_address - rewriting.read_span.address)
-    asked = data[skip : skip + 2 * access.read_quantity]
-    return bytes((reply[0], len(asked))) + bytes(asked)
-
-
-def _turn_field_back(hit: FieldHit, rewriting: Rewriting, data: bytearray) -> None:
-    place = hit.place
-    axis, at, end = place.axis, 2 * hit.word, 2 * (hit.word + place.field.words)
-    words = bytes(data[at:end])
-    readback = rewriting.readbacks.get(axis.plan.name)
-    if readback is not None and any(each.targets for each in rewriting.by_axis.values()):
-        readback = axis.compensation.readback  # FC23 writes before it reads
-    if place.role is FieldRole.ACTUAL and place.number == 0:
-        was_undecided = axis.is_recalling
-        axis.observe_actual(place.field, words, rewriting.request.now_ns)  # as old as its request
-        if was_undecided and readback is not None:
-            readback = axis.compensation.readback  # nothing else was in force when the request was sent
-    if readback is None:
-        return
-    if place.role is FieldRole.COMMAND and place.image is not None:
-        data[at:end] = axis.read_command_words(place.number, place.field, words, readback)
-    elif place.role is FieldRole.LIMIT and place.image is not None:
-        data[at:end] = nominal_limit(axis, place.number, words)
-    else:
-        data[at:end] = axis.nominal_words(place.field, words, readback)
-
-
-def sent_somewhere(rewriting: Rewriting) -> set[str]:
-    """Return the names of the axes that a request sends somewhere."""
-    return {name for name, written in rewriting.by_axis.items() if written.sends_somewhere}
-
-
-def note_discrete(unit: UnitMap | None, request: bytes, reply: bytes, asked_ns: int) -> None:
-    """Take note of status bits among coils or discrete inputs that were read (6.1, 6.2)."""
-    if unit is None or request[0] not in READS_BITS or len(request) != 5:
-        return
-    if len(reply) < 3 or reply[0] != request[0] or len(reply) != 2 + reply[1]:
-        return
-    table = BitTable.COIL if request[0] == FunctionCode.READ_COILS else BitTable.INPUT
-    address, quantity = int.from_bytes(request[1:3], "big"), int.from_bytes(request[3:5], "big")
-    hits = unit.read_bits(table, address, min(quantity, 8 * reply[1]))
-    if hits:
-        words = b"".join(bytes((0, reply[2 + i // 8] >> i % 8 & 1)) for i in range(8 * reply[1]))
-        note_bits(hits, words, set(), asked_ns)
-
-
-def note_bits(
-    hits: Iterable[BitHit], data: bytes | bytearray, written: AbstractSet[str], asked_ns: int
-) -> None:
-    """Take note of status bits, a word for each in ``data``: as old as their request.
-
-    The done bit of a frame that wrote a target is still that of the one before.
-    """
-    for axis, name, bit, word in hits:
-        is_set = bit.is_set(data[2 * word] << 8 | data[2 * word + 1])
-        if axis.plan.name not in written or name == HOMED_BIT:
-            axis.observe_bit(name, asked_ns, is_set=is_set)

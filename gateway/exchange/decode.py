@@ -1,0 +1,556 @@
+"""What a request means for an axis: which target runs, which one waits, what stops or homes it (M2).
+
+What makes a target run
+=======================
+
+What a profile says of its drive (``drives.motion.MotionPlan``) and what a frame writes decide it together.
+One frame may do several things to an axis at once. Each line below that applies is one of them.
+
+==============================================================  =============================================
+the frame writes                                                what that does
+==============================================================  =============================================
+a value of a trigger (a register or a coil)                     what the profile says of that value
+the same, where the trigger acts as a bit rises                 that, if the bit was 0 or is not known; a
+                                                                stop needs no bit that rises
+bits of a trigger (FC22), where the others are not known        that, where the written bits are enough;
+                                                                else a stop, if all that it can be is a stop;
+                                                                else ``UNKNOWN``
+a trigger that acts in another block of registers only          nothing
+a register of ``starts_on``, whatever the value                 ``START``
+a command field, of a drive that goes there at once             ``START``
+a command field, while a trigger register says ``FOLLOW`` or    ``START``
+``FOLLOW_NEXT``, or while the mode of that field says so
+a command field, while nobody knows what such a register holds  ``UNKNOWN``
+an actual position that can be set                              ``SET_POSITION``
+a mode in which the drive moves without targets                 ``OTHER_MOTION``
+==============================================================  =============================================
+
+The first of :data:`PRECEDENCE` among these counts. If it is a stop, nothing else does. ``FOLLOW_NEXT``
+becomes ``FOLLOW`` with a command field in the frame, else nothing. Before a command field moves the axis, a
+trigger register that may follow is read, if nobody knows what it holds and the gateway may read.
+
+*Which target.* The command field that the value names. Else the first one that the frame writes. Else the one
+that was written last.
+
+*Which move.* The mode of that field, as it stands once the frame is applied:
+
+======================  =====================================  ===============================================
+the trigger says        the mode says                          the move
+======================  =====================================  ===============================================
+anything that runs      something that runs no target          what the mode says
+``START``               a move                                 that of the mode; ``START`` there is absolute
+``FOLLOW``              a distance                             that of the mode
+a move                  a move                                 that of the trigger
+anything that runs      no mode                                that of the trigger; ``START`` is absolute
+anything that runs      nobody knows: read it first, if the    ``UNKNOWN``
+                        gateway may read
+======================  =====================================  ===============================================
+
+*What runs.* Of a drive that has a trigger or a starting register, the one target above; any other command
+field in the frame waits in the drive. Of a drive without, each command field that the frame writes.
+
+There are two steps. A :class:`Frame` is what the bytes say. It is parsed once, for the registers of a unit
+stay the same as long as the line runs. What it commands depends on more: on what the drive acknowledged
+before, and on what was read for the request. So :func:`decode` is called when the turn of a request comes,
+once for each frame that leaves for it (``request.understand``), and wherever it has to be known what a
+request stops or moves.
+
+Nothing is changed here.
+"""
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from gateway.drives.motion import NOTHING_DONE, Action, Deed, ModePlan
+from gateway.exchange.access import Access
+from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.registers import ALL_WORDS, FieldImage
+from gateway.exchange.unit import AxisHits, FieldHit, RuleHit, UnitMap
+
+NO_ACCESS: Final = Access()
+NOTHING_READ: Final[Mapping[str, Mapping[int, int | None]]] = {}
+
+PRECEDENCE: Final = (
+    Deed(Action.STOP),
+    Deed(Action.HOME),
+    Deed(Action.SET_POSITION),
+    Deed(Action.STORED),
+    Deed(Action.UNKNOWN),
+    Deed(Action.FOLLOW),
+    Deed(Action.ABSOLUTE),
+    Deed(Action.RELATIVE),
+    Deed(Action.RELATIVE_TO_COMMANDED),
+    Deed(Action.RELATIVE_TO_ACTUAL),
+    Deed(Action.START),
+    Deed(Action.OTHER_MOTION),
+    Deed(Action.STOP, is_letting_go=True),  # a jog let go of in the frame that starts something is no stop
+    Deed(Action.FOLLOW_NEXT),
+    Deed(Action.IGNORE),
+)
+"""Which one counts where a request does several things to one axis."""
+_RANK: Final = {(deed.action, deed.is_letting_go): rank for rank, deed in enumerate(PRECEDENCE)}
+
+
+class Frame:
+    """A request to one unit, as its bytes say: which registers and coils it touches, by axis."""
+
+    __slots__ = ("access", "by_axis", "coils", "is_clear", "pdu", "unit")
+
+    def __init__(self, unit: UnitMap, pdu: bytes, access: Access, coils: Mapping[int, int]) -> None:
+        self.unit = unit
+        self.pdu = pdu
+        self.access = access
+        self.coils = coils
+        """The coils that it writes, with their values."""
+        written = unit.written(access.write_address, access.write_quantity)
+        self.is_clear = not written.is_unclear
+        """False: it writes over an object of unknown width into a mapped one."""
+        self.by_axis = written.by_axis
+        """What it writes of each axis that it touches; a request that writes coils writes no registers."""
+        if coils:
+            self.by_axis += tuple(
+                [AxisHits(axis) for axis in unit.axes if axis.rules.coils.intersection(coils)]
+            )
+
+
+# --- one request to one axis -------------------------------------------------------------------------------
+
+
+class FieldWrite(NamedTuple):
+    """A command field that a request writes, whole or in part."""
+
+    hit: FieldHit
+    words: bytes | None
+    """All its nominal words once the request is applied; None: not known."""
+    is_run: bool
+    """The drive goes there with this request; False: it only holds it."""
+
+
+class Part(NamedTuple):
+    """What a request writes of one command field or limit."""
+
+    image: FieldImage
+    first: int
+    """Its first word; -1: all of it, or in a way that leaves nothing of it certain."""
+    words: bytes
+    """Empty where a mask changes one word."""
+
+
+class Staging(NamedTuple):
+    """Words of a command field or limit that the drive holds and does not run."""
+
+    image: FieldImage
+    nominal_words: bytes
+    corrected_words: bytes | None
+    """None: what the drive holds is not known."""
+    epoch: int
+    """Of the field, when it was sent."""
+    written: int = ALL_WORDS
+    """Mask of the words that the controller wrote."""
+
+
+NO_RUNS: Final[Mapping[str, Rendering]] = {}
+NOTHING_WRITTEN: Final[Mapping[int, int]] = {}
+
+
+class AxisCommand:
+    """What one request does to one axis: what it means, what it writes, and what is sent for that.
+
+    :func:`decode` says what it means, ``request.understand`` what it writes, ``prepare`` what is sent;
+    ``effects`` what its end makes of the axis.
+    """
+
+    __slots__ = (
+        "action",
+        "axis",
+        "blind",
+        "buffered_parts",
+        "coils",
+        "cut",
+        "epoch",
+        "epochs",
+        "goes_unknown",
+        "hits",
+        "is_again",
+        "is_doubtful",
+        "is_uncorrected",
+        "modes_written",
+        "needs_word",
+        "number",
+        "parts",
+        "peer_runs",
+        "remaps",
+        "runs",
+        "sets_position_too",
+        "stagings",
+        "targets",
+        "unclear_words",
+        "words",
+        "writes",
+        "written",
+    )
+
+    def __init__(
+        self,
+        axis: Axis,
+        action: Action = Action.IGNORE,
+        number: int | None = None,
+        hits: tuple[FieldHit, ...] = (),
+        *,
+        words: Mapping[int, int] = NOTHING_WRITTEN,
+        coils: Mapping[int, int] = NOTHING_WRITTEN,
+        unclear_words: frozenset[int] = frozenset(),
+        needs_word: int | None = None,
+        is_doubtful: bool = False,
+        sets_position_too: bool = False,
+    ) -> None:
+        # --- what it means
+        self.axis = axis
+        self.action = action
+        """IGNORE where nothing moves; never START: that is what the mode makes of it."""
+        self.number = number
+        """The command field that runs, of an action that runs a target; also where nobody knows its mode."""
+        self.hits = hits
+        """The command fields that it writes."""
+        self.written = tuple([hit.place.number for hit in hits])
+        """Their numbers."""
+        self.words = words
+        """Mode and trigger registers, as the request leaves them."""
+        self.coils = coils
+        self.unclear_words = unclear_words
+        """Such registers that it changes in a way that nobody can tell."""
+        self.modes_written = tuple(sorted(axis.rules.modes.intersection((*self.words, *unclear_words))))
+        """Registers that it writes and that decide what a position means."""
+        self.needs_word = needs_word
+        """A mode or trigger register that must be read before the meaning is known."""
+        self.is_doubtful = is_doubtful
+        """A bit that starts the motion is set, and nobody knows whether it was set before."""
+        self.sets_position_too = sets_position_too
+        """A stop that also tells the drive that it stands somewhere else."""
+        self.epoch = axis.interlock.epoch
+        # --- what it writes
+        self.writes: list[FieldWrite] = []
+        self.cut: list[FieldImage] = []
+        """Fields of which a part is written where there are no parts: addresses are commands, or objects."""
+        self.is_again = False
+        """It makes the drive go nowhere but where it was told already (M4)."""
+        # --- what is sent
+        self.targets: list[Rendering] = []
+        """Targets that the drive goes to with this request."""
+        self.runs: list[Rendering] = []
+        """The same of those that it held already."""
+        self.epochs: dict[int, int] = {}
+        """Of the field of each of these targets, by its number, when the request was sent."""
+        self.stagings: list[Staging] = []
+        self.parts: list[Part] = []
+        """What it writes of command fields, all of it."""
+        self.buffered_parts: list[Part] = []
+        """Parts of staged targets whose other parts are not known yet: they pass as they come (M1)."""
+        self.blind: list[FieldImage] = []
+        """Command fields that were written 1:1 in a way that leaves their content unknown."""
+        self.goes_unknown = False
+        """The axis goes somewhere nobody knows: a distance passed unchanged."""
+        self.is_uncorrected = False
+        """It goes there beside a stop of another axis, with words that were not corrected for it."""
+        self.peer_runs = NO_RUNS
+        """What the other axes of its group hold and have to run, by their names (M11)."""
+        self.remaps = False
+        """It writes a register that moves other registers about."""
+
+    # --- what it means
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether it must never be refused or late (M3)."""
+        return self.action is Action.STOP
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the request means nothing to the axis, whatever else it writes of it, as a limit."""
+        is_anything = self.hits or self.words or self.coils or self.unclear_words
+        return self.action is Action.IGNORE and not is_anything
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether it neither moves the axis nor changes a target or what one means."""
+        return self.action is Action.IGNORE and not (self.written or self.writes_mode)
+
+    @property
+    def runs_alone(self) -> bool:
+        """Whether it runs a target that was written before."""
+        return self.action.runs_target and self.number not in self.written
+
+    @property
+    def runs_stored(self) -> bool:
+        """Whether it runs what the drive keeps, in a way that nobody knows."""
+        return self.action is Action.STORED or (
+            self.action is Action.UNKNOWN and self.number is not None and self.number not in self.written
+        )
+
+    @property
+    def writes_mode(self) -> bool:
+        """Whether it sets a register that decides what a position means."""
+        return bool(self.modes_written)
+
+    @property
+    def running(self) -> tuple[FieldHit, ...]:
+        """The command fields that it writes and runs."""
+        if not self.action.runs_target:
+            return ()
+        if self.axis.plan.motion.waits_for_trigger:
+            return tuple([hit for hit in self.hits if hit.place.number == self.number])
+        return self.hits
+
+    # --- what is sent
+
+    def go_anywhere(self) -> None:
+        """Note that nobody knows where the axis goes."""
+        self.goes_unknown = True
+
+    def run_uncorrected(self) -> None:
+        """Note that the axis goes somewhere with words that were not corrected for that."""
+        self.goes_unknown = self.is_uncorrected = True
+
+    def forget_targets(self) -> None:
+        """Note that what was rendered is not what goes out."""
+        self.targets.clear()
+        self.stagings.clear()
+
+    @property
+    def is_run_known(self) -> bool:
+        """Whether a trigger ran a target whose end is known."""
+        return any(run.move is not None or not any(run.nominal_words) for run in self.runs)
+
+    @property
+    def sends_somewhere(self) -> bool:
+        """Whether it makes the axis go to a position."""
+        return bool(self.targets or self.runs or self.blind)
+
+
+# --- what it means -----------------------------------------------------------------------------------------
+
+
+def decode(
+    frame: Frame,
+    read_words: Mapping[str, Mapping[int, int | None]] = NOTHING_READ,
+    *,
+    may_have_risen: bool = False,
+) -> list[AxisCommand]:
+    """Return what a request means for each axis of its unit that it means something to.
+
+    Args:
+        frame: the request.
+        read_words: mode and trigger registers that were read for this request, by axis and address; None
+            where one would not tell.
+        may_have_risen: take every bit that is set as one that rises.
+    """
+    found = []
+    for hits in frame.by_axis:
+        read = read_words.get(hits.axis.plan.name, {})
+        command = _Decoder(frame, hits, read, may_have_risen=may_have_risen).command()
+        if command is not None:
+            found.append(command)
+    return found
+
+
+class _Decoder:
+    """One request, decoded for one axis."""
+
+    def __init__(
+        self, frame: Frame, hits: AxisHits, read_words: Mapping[int, int | None], *, may_have_risen: bool
+    ) -> None:
+        axis = hits.axis
+        self.axis = axis
+        self.plan = axis.plan.motion
+        self.access = frame.access
+        self.read_words = read_words
+        self.may_have_risen = may_have_risen
+        self.hits = hits.commands
+        self.sets_position = hits.sets_position
+        self.words: dict[int, int] = {}
+        self.unclear: set[int] = set()
+        self.certain_bits: dict[int, tuple[int, int]] = {}
+        """Of registers that are only partly known after a mask: their content, and which bits are certain."""
+        if hits.rules:
+            data = frame.access.words(frame.pdu)
+            for hit in hits.rules:
+                self._note_word(hit, data)
+        self.is_doubtful = any(
+            trigger.rising & self.words.get(trigger.address, 0) and axis.rules.word(trigger.address) is None
+            for trigger in self.plan.triggers
+            if not trigger.is_coil
+        )
+        self.coils: dict[int, int] = {}
+        if frame.coils:
+            own = axis.rules.coils
+            self.coils = {address: value for address, value in frame.coils.items() if address in own}
+
+    def _note_word(self, hit: RuleHit, data: bytes) -> None:
+        if not self.access.is_consistent or len(data) < 2 * hit.word + 2:
+            self.unclear.add(hit.address)
+            return
+        word = data[2 * hit.word] << 8 | data[2 * hit.word + 1]
+        if self.access.is_mask:
+            before = self.axis.rules.word(hit.address)
+            and_mask, or_mask = word, data[2] << 8 | data[3]
+            word = ((before or 0) & and_mask) | (or_mask & ~and_mask & 0xFFFF)
+            if before is None and and_mask:
+                self.unclear.add(hit.address)
+                self.certain_bits[hit.address] = (word, ~and_mask & 0xFFFF)
+                return
+        self.words[hit.address] = word
+
+    def command(self) -> AxisCommand | None:
+        """Return what the request means; None: nothing."""
+        if not (self.hits or self.words or self.unclear or self.coils or self.sets_position):
+            return None
+        deeds = self._deeds()
+        deed = min(deeds, key=_rank, default=NOTHING_DONE)
+        if deed.action is Action.STOP:
+            sets_position = any(each.action is Action.SET_POSITION for each in deeds)
+            return self._command(Action.STOP, None, sets_position_too=sets_position)
+        following = self._unknown_following()
+        if following is not None:
+            return self._command(Action.UNKNOWN, None, needs_word=following)
+        if deed.action is Action.FOLLOW_NEXT:
+            deed = Deed(Action.FOLLOW) if self.hits else NOTHING_DONE
+        if not deed.action.runs_target:
+            return self._command(deed.action, None)
+        number = self._number(deed)
+        mode = None if number is None else self.plan.mode(number)
+        if mode is None:
+            return self._command(_run_as(deed.action, Action.ABSOLUTE), number)
+        word = self._mode_word(mode)
+        if word is not None:
+            return self._command(_run_as(deed.action, mode.action(word)), number)
+        is_asked = mode.is_in_frame or mode.address in self.read_words or mode.address in self.unclear
+        if is_asked or not self.axis.may_read:
+            return self._command(Action.UNKNOWN, number)
+        return self._command(Action.UNKNOWN, number, needs_word=mode.address)
+
+    def _command(
+        self,
+        action: Action,
+        number: int | None,
+        needs_word: int | None = None,
+        *,
+        sets_position_too: bool = False,
+    ) -> AxisCommand:
+        return AxisCommand(
+            self.axis,
+            action,
+            number,
+            self.hits,
+            words=self.words,
+            coils=self.coils,
+            unclear_words=frozenset(self.unclear),
+            needs_word=needs_word,
+            is_doubtful=action.runs_target and self.is_doubtful,
+            sets_position_too=sets_position_too,
+        )
+
+    def _deeds(self) -> list[Deed]:
+        rules = self.axis.rules
+        before = (lambda _: None) if self.may_have_risen else rules.word
+        deeds = []
+        for trigger in self.plan.triggers:
+            if trigger.is_coil:
+                if trigger.address in self.coils:
+                    deeds.append(trigger.deed(self.coils[trigger.address], rules.coil(trigger.address)))
+            elif trigger.block is not None and trigger.block != self.access.write_address:
+                continue
+            elif trigger.address in self.words:
+                deeds.append(trigger.deed(self.words[trigger.address], before(trigger.address)))
+            elif trigger.address in self.unclear:
+                word, certain = self.certain_bits.get(trigger.address, (0, 0))
+                is_certain = not (trigger.mask | trigger.rising) & ~certain
+                if is_certain:
+                    deeds.append(trigger.deed(word, None))
+                else:
+                    is_stop = trigger.stops_surely(word, certain)
+                    deeds.append(Deed(Action.STOP if is_stop else Action.UNKNOWN))
+        if self.sets_position:
+            deeds.append(Deed(Action.SET_POSITION))
+        if any(address in self.words or address in self.unclear for address in self.plan.starts_on) or (
+            self.hits and self._moves_at_once()
+        ):
+            deeds.append(Deed(Action.START))
+        if self.hits and self._may_follow():
+            deeds.append(Deed(Action.UNKNOWN))
+        if any(self._sets_other_motion(mode) for mode in self.plan.modes if mode is not None):
+            deeds.append(Deed(Action.OTHER_MOTION))
+        return deeds
+
+    def _sets_other_motion(self, mode: ModePlan) -> bool:
+        """Whether a mode is set in which the drive moves without targets, perhaps at once."""
+        word = self.words.get(mode.address)
+        return word is not None and mode.action(word) is Action.OTHER_MOTION
+
+    def _unknown_following(self) -> int | None:
+        """Return a trigger register that decides whether a position moves at once, and is not known."""
+        if not self.hits or not self.axis.may_read:
+            return None
+        asked = self.unclear | set(self.read_words)
+        for trigger in self.axis.rules.following:
+            if trigger.address not in asked and self._known(trigger.address) is None:
+                return trigger.address
+        return None
+
+    def _known(self, address: int) -> int | None:
+        """Return the content of a register as it is, or as this request leaves it."""
+        if address in self.words:
+            return self.words[address]
+        known = self.axis.rules.word(address)
+        return self.read_words.get(address) if known is None else known
+
+    def _may_follow(self) -> bool:
+        """Whether a register that may make the drive go to each position holds nobody knows what."""
+        for trigger in self.axis.rules.following:
+            word = self._known(trigger.address)
+            if word is None or trigger.holds_unknown(word):
+                return True
+        return False
+
+    def _is_following(self) -> bool:
+        """Whether the drive goes to each position as soon as it is written."""
+        for trigger in self.axis.rules.following:
+            word = self._known(trigger.address)
+            if word is not None and trigger.is_following(word):
+                return True
+        return False
+
+    def _moves_at_once(self) -> bool:
+        """Whether a written position is gone to without anything else."""
+        if not (self.plan.is_staged or self.plan.starts_on) or self._is_following():
+            return True
+        mode = self.plan.mode(self.hits[0].place.number)
+        word = None if mode is None else self._mode_word(mode)
+        return mode is not None and word is not None and mode.action(word) is Action.FOLLOW
+
+    def _number(self, deed: Deed) -> int | None:
+        if deed.number is not None:
+            return deed.number
+        if self.hits:
+            return self.hits[0].place.number
+        if self.axis.rules.staged is not None:
+            return self.axis.rules.staged
+        return 0 if len(self.axis.plan.command) == 1 else None
+
+    def _mode_word(self, mode: ModePlan) -> int | None:
+        if mode.address in self.unclear or (mode.is_in_frame and mode.address not in self.words):
+            return None
+        return self._known(mode.address)
+
+
+def _rank(deed: Deed) -> int:
+    return _RANK[deed.action, deed.is_letting_go]
+
+
+def _run_as(trigger: Action, mode: Action) -> Action:
+    """Return what running a target amounts to, with what the trigger and what the mode say."""
+    if not mode.runs_target:
+        return mode
+    if trigger is Action.START or (trigger is Action.FOLLOW and mode.is_relative):
+        return Action.ABSOLUTE if mode is Action.START else mode
+    return trigger

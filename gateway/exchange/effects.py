@@ -1,0 +1,252 @@
+"""What a request makes of its axes: as it leaves, as it ends, and where it never reached its drive (M3, M7).
+
+Only the full native success of a drive counts as obeyed. Of anything else the drive may have written what it
+was told, or not, unless an exception proves that it did not (``Axis.writes_nothing``).
+"""
+
+from collections.abc import Sequence
+
+from gateway.drives.motion import Action
+from gateway.exchange.axis.acknowledge import Outcome
+from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
+from gateway.exchange.axis.reference import ReferenceEvent
+from gateway.exchange.axis.registers import Loss
+from gateway.exchange.decode import AxisCommand, Part
+from gateway.exchange.events import EventKind
+from gateway.exchange.group import end_in_group, leave_in_group, note_skew
+from gateway.exchange.request import Request
+
+# --- as it leaves ------------------------------------------------------------------------------------------
+
+
+def leave(request: Request, now_ns: int) -> int:
+    """A request leaves next: keep what must be known if nobody lives to see the reply.
+
+    Returns:
+        Of how many axes it means something that the register map does not know.
+    """
+    return sum([_leave_to(command, now_ns) for command in request.commands])
+
+
+def _leave_to(command: AxisCommand, now_ns: int) -> bool:
+    axis = command.axis
+    leave_in_group(command, now_ns)
+    for rendering in (*command.targets, *command.runs):
+        axis.send_target(rendering)
+    if command.is_stop:  # an axis found on its way counts as stopped in any case (``Axis.may_have_stopped``)
+        is_untold = command.sets_position_too or axis.acknowledgement.pending is not None
+    else:
+        runs_unknown = command.runs_alone and not command.runs
+        is_untold = command.action in MOVES_OTHERWISE or command.is_doubtful or runs_unknown
+    if is_untold:
+        axis.send_motion()
+    if command.blind or command.goes_unknown or command.remaps:
+        axis.send_motion()
+    is_unknown = command.action is Action.UNKNOWN and not axis.passes_unchanged
+    if is_unknown:
+        _tell_unknown(command)
+    return is_unknown
+
+
+def _tell_unknown(command: AxisCommand) -> None:
+    """Report a frame that means something the register map does not know: once for the same contents."""
+    axis, words = command.axis, dict(command.words)
+    mode = None if command.number is None else axis.rules.plan.mode(command.number)
+    word = None if mode is None else axis.rules.word(mode.address)
+    if mode is not None and word is not None:
+        words.setdefault(mode.address, word)
+    contents = tuple(sorted(words.items()))
+    if axis.told_unknown == contents:
+        return
+    axis.told_unknown = contents
+    shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in contents)
+    what = f"the register map does not know {shown}" if shown else "nobody can tell what a frame means"
+    axis.tell(EventKind.UNKNOWN_MODE, f"{what}: it passed untouched")
+
+
+# --- as it ends --------------------------------------------------------------------------------------------
+
+
+def finish(request: Request, outcome: Outcome, code: int, now_ns: int) -> None:
+    """Take note of how a request ended that went out, and of which exception it ended with."""
+    for command in request.commands:
+        axis = command.axis
+        if outcome is Outcome.ACKNOWLEDGED:
+            _obeyed(request, command, now_ns)
+        else:
+            _not_obeyed(request, command, outcome, code, now_ns)
+        axis.conclude()
+        end_in_group(request, command, outcome, code, now_ns)
+        if command.remaps:
+            for member in (axis, *axis.peers):
+                member.end()
+
+
+def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
+    """The drive acknowledged a request in full (M7)."""
+    axis = command.axis
+    for image, nominal_words, corrected_words, epoch, written in command.stagings:
+        image.settle(nominal_words, corrected_words, epoch, written)
+    for part in command.buffered_parts:
+        part.image.buffer(part.first, part.words, request.arrived_ns, request.follows_ns)
+    for rendering in (*command.targets, *command.runs):
+        axis.acknowledge(rendering, now_ns, command.epochs.get(rendering.number))
+        axis.tell_beginning()
+    _write_blindly(request, command, now_ns)
+    if command.goes_unknown:
+        _go_unknown(command, now_ns)
+    rules, action = axis.rules, command.action
+    rules.note_words(dict(command.words), command.epoch)
+    rules.note_coils(dict(command.coils))
+    rules.doubt(dict.fromkeys(command.unclear_words, 0), {})
+    for number in command.written:
+        rules.stage(number)
+    if command.written or action.runs_target:
+        axis.holds_unrun = not action.runs_target
+    if action.runs_target:
+        axis.reference_happens(ReferenceEvent.OTHER_MOTION)
+        axis.last_run = action
+        mode = None if command.number is None else rules.plan.mode(command.number)
+        if mode is not None and mode.resets_to is not None:
+            rules.note_words({mode.address: mode.resets_to}, command.epoch)
+    if action in MOVES_OTHERWISE:
+        _move_otherwise(axis, action, now_ns, is_certain=True)
+        if command.runs_stored and not axis.passes_unchanged:
+            axis.compensation.doubt()  # with words that nobody corrected for it
+        if command.sets_position_too:
+            _move_otherwise(axis, Action.SET_POSITION, now_ns, is_certain=True)
+    elif command.is_doubtful:
+        axis.motion.displace(now_ns, keeps_branch=True)  # the reading counts on it already
+    is_whole = not any(axis.fields[number].is_torn for number in command.written)
+    if command.written and is_whole:
+        axis.release_triggers(command.epoch)
+    if command.runs_alone and not command.is_run_known and not _runs_superseded(command):
+        axis.motion.displace(now_ns)
+
+
+def _runs_superseded(command: AxisCommand) -> bool:
+    """Whether a request runs the target of before a loss as it was: its axis stays where it is."""
+    superseded = command.axis.motion.superseded
+    if superseded is None:
+        return False
+    words = (superseded.nominal_words, superseded.corrected_words)
+    return any((run.nominal_words, run.corrected_words) == words for run in command.runs)
+
+
+def _not_obeyed(request: Request, command: AxisCommand, outcome: Outcome, code: int, now_ns: int) -> None:
+    """A request went out and was not acknowledged; what a refusal proves, the register map says (M7)."""
+    axis = command.axis
+    is_broadcast = outcome is Outcome.BROADCAST
+    is_refusal = outcome is Outcome.EXCEPTION
+    is_undone = is_refusal and axis.writes_nothing(code, reads_too=request.reads_too)
+    if not is_undone:
+        for rendering in command.targets:
+            axis.leave_unproven(rendering, now_ns)
+        for rendering in command.runs:
+            axis.leave_run_unproven(rendering, now_ns)
+        for part in command.buffered_parts:
+            part.image.doubt()
+        for staging in command.stagings:
+            staging.image.leave(staging.nominal_words, staging.corrected_words)
+            staging.image.forget()
+    if not is_broadcast:
+        loss = Loss.REFUSED_UNWRITTEN if is_undone else Loss.REFUSED
+        _lose(command.parts, loss, request.arrived_ns, request.follows_ns, now_ns)
+    _write_blindly(request, command, now_ns)
+    if command.goes_unknown and not is_undone:
+        _go_unknown(command, now_ns)
+    if not is_undone:
+        unclear = dict.fromkeys(command.unclear_words, 0)
+        axis.rules.doubt({**command.words, **unclear}, dict(command.coils))
+        if command.action in MOVES_OTHERWISE:
+            _move_otherwise(axis, command.action, now_ns, is_certain=False)
+            if command.runs_stored and not axis.passes_unchanged:
+                axis.compensation.doubt()
+            if command.sets_position_too:
+                _move_otherwise(axis, Action.SET_POSITION, now_ns, is_certain=False)
+        elif command.runs_alone and not command.is_run_known and not _runs_superseded(command):
+            axis.motion.displace(now_ns)
+    if not (is_broadcast or (axis.passes_unchanged and is_refusal)):
+        _block_for(command, code)
+
+
+def _go_unknown(command: AxisCommand, now_ns: int) -> None:
+    """Nobody knows where the axis goes; flag its branch where its words were not corrected for that."""
+    axis = command.axis
+    axis.motion.displace(now_ns)
+    if command.is_uncorrected and not axis.passes_unchanged:
+        axis.compensation.doubt()
+
+
+def _write_blindly(request: Request, command: AxisCommand, now_ns: int) -> None:
+    """Nobody knows what command fields hold that were written, nor where the axis goes with them."""
+    for image in command.blind:
+        command.axis.motion.displace(now_ns)
+        image.forget()
+        if image.is_torn:  # words that were lost before are older than what has gone out by now
+            image.tear(request.arrived_ns)
+
+
+def _move_otherwise(axis: Axis, action: Action, now_ns: int, *, is_certain: bool) -> None:
+    """Something else than a target moves the axis, or stops it, or moves its zero."""
+    is_at_rest = not axis.motion.is_moving
+    moved_ns = None if action in (Action.STOP, Action.SET_POSITION) else now_ns
+    axis.motion.displace(moved_ns, keeps_branch=action is Action.STOP)
+    if action in (Action.HOME, Action.SET_POSITION):
+        axis.move_zero()
+    if action is Action.HOME:
+        axis.begin_homing(now_ns, is_certain=is_certain)
+    elif action is Action.SET_POSITION:
+        is_set_at_rest = is_at_rest and is_certain
+        axis.reference_happens(ReferenceEvent.SET_AT_REST if is_set_at_rest else ReferenceEvent.SET_MOVING)
+    else:
+        axis.reference_happens(ReferenceEvent.OTHER_MOTION)
+
+
+# --- what was lost -----------------------------------------------------------------------------------------
+
+
+def lose(
+    axis: Axis,
+    parts: Sequence[Part],
+    command: AxisCommand | None,
+    code: int,
+    loss: Loss,
+    *,
+    arrived_ns: int,
+    follows_ns: int,
+) -> None:
+    """A request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
+    _lose(parts, loss, arrived_ns, follows_ns, arrived_ns)
+    if command is not None:
+        if command.action.runs_target:
+            note_skew(axis, code)
+        _block_for(command, code)
+
+
+def _lose(parts: Sequence[Part], loss: Loss, arrived_ns: int, follows_ns: int, now_ns: int) -> None:
+    for image, first, words in parts:
+        if first < 0:
+            image.tear(arrived_ns)
+        else:
+            image.lose(loss, first, words, arrived_ns=arrived_ns, follows_ns=follows_ns, now_ns=now_ns)
+
+
+def _block_for(command: AxisCommand, code: int) -> None:
+    """A target, its mode or a part of it was lost: its triggers are refused from now on (M3)."""
+    axis = command.axis
+    # The others of a beam must not go alone (M11); a run refused for their sake holds nobody up.
+    is_run_of_beam = bool(axis.peers) and command.action.runs_target and axis.blocked_by_peer is None
+    may_stand = axis.plan.motion.waits_for_trigger or bool(axis.peers)
+    if not may_stand or not (command.written or command.writes_mode or is_run_of_beam):
+        return
+    for address in command.modes_written:
+        axis.lose_mode(address, code)
+    if command.written or is_run_of_beam:
+        why = (
+            f"a target or its mode was lost (exception {code:#04x}): triggers are refused until a "
+            "complete one was accepted; stops always pass"
+        )
+        # Of what only stages, the loss is its own: a peer that is released must not go without it.
+        is_own = axis.blocked_by_peer is None or not command.action.runs_target
+        axis.block_triggers(code, why, is_own=is_own)

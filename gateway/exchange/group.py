@@ -1,0 +1,418 @@
+"""The axes of a group: what the first trigger fixes, takes before it leaves, and what it leaves behind (M11).
+
+``axis.beam`` has the machine: what is fixed, and how long. Here is what a request makes of it as it leaves
+(:func:`leave_in_group`) and as it ends (:func:`end_in_group`).
+
+The other axes may be refused nothing once the first has gone. So what their triggers would need is done
+before (:func:`next_of_groups`): their references are read, and the targets that they hold are written anew
+with the words that the decision gives, each with one named write (M2). Where that is refused, unanswered or
+not allowed the first trigger is refused, and nothing moves.
+"""
+
+from collections.abc import Iterable, Sequence
+
+from gateway.drives.motion import Action
+from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_word
+from gateway.exchange.axis.acknowledge import Outcome, Rendering
+from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
+from gateway.exchange.axis.beam import Beam, BeamEvent, Fixed
+from gateway.exchange.axis.motion import MotionState
+from gateway.exchange.axis.registers import JOIN_NS
+from gateway.exchange.decode import AxisCommand
+from gateway.exchange.events import EventKind
+from gateway.exchange.field_counts import counts_of
+from gateway.exchange.prepare import check_may_act, may_run_distances
+from gateway.exchange.prerequisites import read_for_staged, render_run, restage_for_run, staged_words
+from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.request import Request, written_part
+from gateway.modbus.pdu import ExceptionCode
+
+
+def join_groups(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
+    """Make the axes of each group know each other, and what its first trigger fixes."""
+    by_name = {axis.plan.name: axis for axis in axes}
+    for names in groups:
+        members = [by_name[name] for name in names if name in by_name]
+        beam = Beam([axis.release for axis in members])
+        for axis in members:
+            axis.join(tuple([other for other in members if other is not axis]), beam)
+
+
+# --- what is fixed -----------------------------------------------------------------------------------------
+
+
+def settle_group(axis: Axis, now_ns: int) -> None:
+    """Bring its group up to date: one reference for all, and no decision of before that has ended."""
+    if axis.beam is None:
+        return
+    axis.follow_group()
+    if axis.beam.is_over(now_ns):
+        axis.beam.happens(BeamEvent.EXPIRED)
+    elif axis.beam.is_under_way and _is_group_through(axis, now_ns):
+        axis.beam.happens(BeamEvent.WHOLE)
+
+
+def leave_in_group(command: AxisCommand, now_ns: int) -> None:
+    """A request leaves to an axis of a group: it fixes what all go by, or goes by that, or ends it."""
+    axis, beam = command.axis, command.axis.beam
+    if beam is None:
+        return
+    if command.action in MOVES_OTHERWISE:
+        beam.happens(BeamEvent.ENDED)
+    elif command.targets or command.runs or command.action.runs_target:
+        is_first = beam.is_open
+        if is_first:
+            beam.fix(axis.plan.name, now_ns)
+            keeps_words = _keeps_other_words(command)
+            for member in (axis, *axis.peers):
+                run = None if member is axis else command.peer_runs.get(member.plan.name)
+                _fix(member, run, keeps_words=keeps_words)
+        elif not _keeps_other_words(command):
+            _keep_no_other_words(axis)
+        if not is_first and beam.has_put_off and axis.fixed is not None and not axis.fixed.has_gone:
+            detail = f"it goes as {beam.led_by} has gone; what was asked for since comes into force then"
+            axis.tell(EventKind.GROUP_HELD, detail)
+        beam.happens(BeamEvent.LEFT)
+
+
+def end_in_group(request: Request, command: AxisCommand, outcome: Outcome, code: int, now_ns: int) -> None:
+    """A request to an axis of a group has ended: it has gone, was refused, or was given a target."""
+    axis, beam, fixed = command.axis, command.axis.beam, command.axis.fixed
+    if beam is None or fixed is None:
+        return
+    if command.targets or command.runs or command.action.runs_target:
+        if outcome is Outcome.ACKNOWLEDGED or outcome is Outcome.BROADCAST:
+            missing = _missing_words(command, fixed, now_ns)
+            axis.fixed = fixed._replace(has_gone=True, missing=missing, part_ns=now_ns if missing else 0)
+            is_whole = _is_group_through(axis, now_ns)
+            beam.happens(BeamEvent.WHOLE if is_whole else BeamEvent.WENT)
+        else:
+            is_refusal = outcome is Outcome.EXCEPTION
+            is_undone = is_refusal and axis.writes_nothing(code, reads_too=request.reads_too)
+            if not is_undone and not any(
+                member.fixed is not None and member.fixed.has_gone for member in (axis, *axis.peers)
+            ):
+                axis.fixed = fixed._replace(may_have_gone=True)
+                _tell_unproven_first(axis, beam, code)
+            else:
+                note_skew(axis, code)
+            beam.happens(BeamEvent.REFUSED if is_undone else BeamEvent.UNPROVEN)
+    elif outcome is Outcome.ACKNOWLEDGED:
+        is_distance = axis.last_run.is_relative
+        if fixed.has_gone:
+            is_other = any(is_distance or not axis.motion.holds_target(each) for each in command.written)
+        else:
+            is_other = fixed.may_have_gone
+            is_other = is_other and any(not _holds_unproven(axis, each) for each in command.written)
+        if is_other:
+            beam.happens(BeamEvent.AGAIN)
+
+
+def _fix(axis: Axis, run: Rendering | None, *, keeps_words: bool) -> None:
+    """Its group goes: reference and correction are what they are now, until nothing is fixed any more."""
+    accepted, actual = axis.compensation.accepted, axis.motion.actual
+    nominal_counts = None if accepted is None else accepted.nominal_counts
+    if nominal_counts is None and actual is not None:
+        nominal_counts = axis.motion.nominal_of(actual.counts)
+    axis.fixed = Fixed(
+        axis.goes_as_referenced,
+        axis.motion.state,
+        axis.motion.has_reported_done,
+        nominal_counts,
+        run,
+        keeps_words,
+    )
+
+
+def _keep_no_other_words(axis: Axis) -> None:
+    """One goes by what was fixed, so no other one of its group keeps words of another switch any more."""
+    for member in (axis, *axis.peers):
+        if member.fixed is not None and member.fixed.keeps_words:
+            member.fixed = member.fixed._replace(keeps_words=False)
+
+
+def _keeps_other_words(command: AxisCommand) -> bool:
+    """Whether the first target of its group keeps words of another switch, table or gain."""
+    axis = command.axis
+    for rendering in (*command.targets, *command.runs):
+        if not rendering.is_distance:
+            spec = axis.spec_of_words(rendering.number, rendering.nominal_words)
+            if spec is not None and axis.is_other(spec):
+                return rendering.move is None or rendering.move.state.spec is spec
+    return False
+
+
+def _holds_unproven(axis: Axis, number: int) -> bool:
+    """Whether a command field holds the target to which it may have gone, or not all of one."""
+    image = axis.fields[number]
+    if image.nominal_words is None or image.is_torn:
+        return True  # the rest of it is to come
+    return axis.may_have_gone_to(number, image.nominal_words)
+
+
+def _is_joined(axis: Axis, first: int, count: int, now_ns: int) -> bool:
+    """Whether words of a target, from its word ``first`` on, belong to that with which it went."""
+    fixed = axis.fixed
+    if fixed is None or now_ns - fixed.part_ns > JOIN_NS:
+        return False
+    words = (1 << count) - 1 << first
+    return fixed.missing & words == words
+
+
+def _missing_words(command: AxisCommand, fixed: Fixed, now_ns: int) -> int:
+    """Return which words of a target have not come yet, of a drive that goes to each part of one."""
+    axis, missing = command.axis, 0
+    for part in command.parts:
+        if part.first >= 0:
+            count = len(part.words) // 2
+            is_joined = _is_joined(axis, part.first, count, now_ns)
+            all_words = (1 << max(field.words for field in axis.plan.command)) - 1
+            missing = (fixed.missing if is_joined else all_words) & ~((1 << count) - 1 << part.first)
+    return missing
+
+
+def _is_group_through(axis: Axis, now_ns: int) -> bool:
+    """Whether each axis of its group has gone, and no word of its target is to come."""
+    for member in (axis, *axis.peers):
+        fixed = member.fixed
+        if fixed is None or not fixed.has_gone:
+            return False
+        if fixed.missing and now_ns - fixed.part_ns <= JOIN_NS:
+            return False
+    return True
+
+
+def _tell_unproven_first(axis: Axis, beam: Beam, code: int) -> None:
+    """It is the first of its group, and nobody knows whether it goes."""
+    beam.skew_by(None)
+    detail = (
+        f"its trigger was sent, and the drive may have obeyed it (exception {code:#04x}): the skew is "
+        "not known"
+    )
+    axis.tell(EventKind.GROUP_SKEWED, detail)
+
+
+def note_skew(axis: Axis, code: int) -> None:
+    """It is refused after another axis of its group has gone: nothing of ours stops that one (M3)."""
+    beam, fixed = axis.beam, axis.fixed
+    if beam is None or not beam.is_under_way or fixed is None or fixed.has_gone:
+        return
+    skew: float | None = 0.0
+    gone = [member for member in axis.peers if member.fixed is not None and member.fixed.has_gone]
+    for member in gone:
+        way = _way_in_group(member)
+        if way is None or skew is None:
+            skew = None
+        elif abs(way) > abs(skew):
+            skew = way
+    if skew == 0.0:
+        return  # nothing has moved
+    beam.skew_by(skew)
+    names, units = " and ".join(member.plan.name for member in gone), axis.plan.settings.units.value
+    by = "by a way that nobody knows" if skew is None else f"by {skew:+.6g} {units}"
+    detail = f"{names} has gone, and its own target was refused (exception {code:#04x}): skewed {by}"
+    axis.tell(EventKind.GROUP_SKEWED, detail)
+
+
+def _way_in_group(axis: Axis) -> float | None:
+    """How far it was sent since its group began to go, in units; None: nobody knows."""
+    fixed, accepted = axis.fixed, axis.compensation.accepted
+    if fixed is None or fixed.nominal_counts is None or accepted is None:
+        return None
+    return (accepted.nominal_counts - fixed.nominal_counts) / axis.plan.settings.counts_per_unit
+
+
+# --- what goes before the first trigger --------------------------------------------------------------------
+
+
+def settle_groups(request: Request) -> bool:
+    """Let a new round begin where an axis that has gone is given another target; return whether one has.
+
+    Raises:
+        RefusedRequestError: the axis must not be given it, so it stays where the round has sent it.
+    """
+    for command in request.commands:
+        beam, fixed = command.axis.beam, command.axis.fixed
+        if beam is None or fixed is None or not (fixed.has_gone or fixed.may_have_gone):
+            continue
+        if command.action.runs_target and _goes_elsewhere(request, command):
+            check_may_act(command)
+            beam.happens(BeamEvent.AGAIN)
+            return True
+    return False
+
+
+def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
+    """Return the next frame that has to be exchanged for the other axes of a group, if any.
+
+    ``requests``: one request, as each unit has it that it reaches.
+
+    Raises:
+        RefusedRequestError: the first trigger must not leave, for one of them could not follow.
+    """
+    firsts = [
+        (request, command) for request in requests for command in request.commands if _is_first(command)
+    ]
+    for request, command in firsts:
+        check_may_act(command)
+        if command.runs_alone:
+            staged_words(command)
+        _decide_anew(request, command.axis)
+        for member in (command.axis, *command.axis.peers):
+            added = _reference_of(request, member)
+            if added is not None:
+                return added
+    for request, command in firsts:
+        for member in (command.axis, *command.axis.peers):
+            added = _look_at_kept(request, member)
+            if added is not None:
+                return added
+    going = [command.axis for _, command in firsts]
+    for request, command in firsts:
+        for peer in command.axis.peers:
+            added = None if peer in going else _prepare_peer(request, peer, command)
+            if added is not None:
+                return added
+    return None
+
+
+def _look_at_kept(request: Request, axis: Axis) -> AddedFrame | None:
+    """Return the look that tells whether the target of before a loss counts: of a group all do, or none."""
+    actual = axis.asked_actual
+    retained = axis.motion.superseded
+    is_open = retained is not None and not retained.is_declared and axis.motion.seen_at_superseded is None
+    if not is_open or actual is None or axis.plan.name in request.known.actual:
+        return None
+    return AddedFrame(axis, Purpose.LOOK, actual.address, actual.words)
+
+
+def _is_first(command: AxisCommand) -> bool:
+    beam = command.axis.beam
+    return beam is not None and beam.is_open and command.action.runs_target
+
+
+def _goes_elsewhere(request: Request, command: AxisCommand) -> bool:
+    """Whether a request sends an axis that has gone to another place than where it went."""
+    axis = command.axis
+    accepted, is_unproven = axis.compensation.accepted, axis.fixed is not None and axis.fixed.may_have_gone
+    if command.action.is_relative or (accepted is None and not is_unproven):
+        return True
+    if command.runs_alone:
+        words = None if command.number is None else axis.fields[command.number].nominal_words
+        return words is None or not _is_at(axis, command.number or 0, words)
+    for hit, words, is_run in command.writes:
+        if not is_run or (words and _is_at(axis, hit.place.number, words)):
+            continue
+        access = request.frame.access
+        if hit.is_whole or access.is_mask or not access.is_consistent:
+            return True
+        first, part = written_part(hit, request.frame.pdu, access)
+        if not _is_joined(axis, first, len(part) // 2, request.now_ns):
+            return True
+    return False
+
+
+def _is_at(axis: Axis, number: int, words: bytes) -> bool:
+    """Whether a target is the one to which its axis has gone, or may have."""
+    field, accepted = axis.plan.command[number], axis.compensation.accepted
+    if accepted is None:
+        return axis.may_have_gone_to(number, words)
+    return counts_of(field, field.unpack(words)) == accepted.nominal_counts
+
+
+def _decide_anew(request: Request, axis: Axis) -> None:
+    """Forget what was worked out for this request where something else has come into force meanwhile."""
+    known, members = request.known, (axis, *axis.peers)
+    is_other = False
+    for member in members:
+        name, is_referenced, wanted = member.plan.name, member.goes_as_referenced, member.wanted
+        keeps, before = member.keeps_other_words, known.decided_by.get(name)
+        if before is not None:
+            is_other |= before[0] is not is_referenced or before[1] is not wanted or before[2] is not keeps
+        known.decided_by[name] = (is_referenced, wanted, keeps)
+    for member in members if is_other else ():
+        known.runs.pop(member.plan.name, None)
+        known.peer_runs.pop(member.plan.name, None)
+
+
+def _reference_of(request: Request, axis: Axis) -> AddedFrame | None:
+    is_asked = axis.plan.name in request.known.references
+    if is_asked or not axis.needs_reference(request.now_ns, is_target=True):
+        return None
+    return homed_read(axis)
+
+
+def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFrame | None:
+    """Return the next frame by which an axis comes to hold its target as it has to run it.
+
+    It will be run as the first trigger of its group runs its own: a target of the same number, by the same
+    kind of move where that is the trigger's to say.
+
+    A target that it was stopped on the way to may be meant to run once more, or not: it holds nobody up.
+    """
+    number, motion = axis.rules.staged, axis.plan.motion
+    if not motion.waits_for_trigger:
+        return None
+    count = len(axis.plan.command)
+    if first.number is not None and 1 < count > first.number:
+        number = first.number
+    words = None if number is None else axis.fields[number].nominal_words
+    is_torn = any(field.is_torn for field in (axis.fields if number is None else (axis.fields[number],)))
+    if number is None or words is None or is_torn:
+        may_pass = axis.passes_unchanged or motion.passes_stored_moves
+        if (axis.holds_unrun or is_torn) and not may_pass:
+            raise RefusedRequestError(
+                ExceptionCode.SERVER_DEVICE_FAILURE,
+                axis.plan.name,
+                "the first trigger of its group is refused, for this axis could not follow: its target was "
+                "lost or forgotten, write it again",
+                EventKind.STORED_MOVE,
+            )
+        return None
+    if not axis.holds_unrun and axis.motion.state is not MotionState.STOPPED:
+        return None  # it has run that
+    try:
+        return _prepare_staged(request, axis, number, words, first.action)
+    except RefusedRequestError as refusal:
+        if not axis.holds_unrun:
+            return None
+        reason = (
+            f"the first trigger of its group is refused, for this axis could not follow: {refusal.reason}"
+        )
+        raise RefusedRequestError(refusal.code, refusal.axis, reason, refusal.kind) from refusal
+
+
+def _prepare_staged(
+    request: Request, axis: Axis, number: int, words: bytes, first: Action
+) -> AddedFrame | None:
+    known, name = request.known, axis.plan.name
+    run = known.peer_runs.get(name)
+    if run is None:
+        mode, action = axis.plan.motion.mode(number), first
+        lost_mode = axis.rules.lost_mode(number)
+        if lost_mode is not None:
+            reason = (
+                "a trigger, but a target, its mode or a part of it was lost before: write all of it again"
+            )
+            raise RefusedRequestError(lost_mode, name, reason, EventKind.AXIS_BLOCKED)
+        if mode is None:
+            action = action if may_run_distances(axis) else Action.ABSOLUTE
+        elif mode.is_in_frame:
+            return None
+        else:
+            word = axis.rules.word(mode.address)
+            if word is None:
+                is_asked = not axis.may_read or mode.address in known.rule_words.get(name, {})
+                return None if is_asked else read_word(axis, mode.address)
+            action = mode.action(word)
+        action = Action.ABSOLUTE if action is Action.START else action
+        if not action.runs_target or (action.is_relative and not axis.holds_unrun):
+            return None
+        added = read_for_staged(request, axis, number, words, action)
+        if added is not None:
+            return added
+        run = render_run(request, axis, number, words, action)
+        if run is None:
+            return None
+        known.peer_runs[name] = run
+    return restage_for_run(axis, run)

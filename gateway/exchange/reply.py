@@ -1,0 +1,135 @@
+"""What a controller gets for its drive's reply, and what the gateway learns from it (W4, M7, M10).
+
+:func:`turned_back` puts every position of a reply back on the controller's scale.
+"""
+
+from collections.abc import Iterable
+from collections.abc import Set as AbstractSet
+from typing import Final
+
+from gateway.exchange.access import MEI_HEAD, swapped
+from gateway.exchange.axis.acknowledge import Outcome
+from gateway.exchange.plan import HOMED_BIT
+from gateway.exchange.render import nominal_limit
+from gateway.exchange.request import Request
+from gateway.exchange.unit import BitHit, FieldHit, FieldRole, UnitMap
+from gateway.modbus.errors import RegisterRangeError
+from gateway.modbus.pdu import EXCEPTION_BIT, ExceptionCode, FunctionCode, exception_pdu, is_exception
+from gateway.modbus.registers import BitTable
+
+READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS})
+
+
+def outcome_of(request: Request, reply: bytes) -> tuple[Outcome, int]:
+    """Return how a request ended that was replied to, and the exception code that stands for it (M7)."""
+    if _acknowledges(request, reply):
+        return Outcome.ACKNOWLEDGED, 0
+    if len(reply) == 2 and reply[0] == request.sent_pdu[0] | EXCEPTION_BIT:
+        return Outcome.EXCEPTION, reply[1]
+    return Outcome.OTHER_REPLY, ExceptionCode.SERVER_DEVICE_FAILURE
+
+
+def reply_without_positions(request: Request, reply: bytes, *, is_acknowledged: bool) -> bytes:
+    """Return what the controller gets for a reply that carries no positions (W4).
+
+    An acknowledgement becomes the echo that belongs to its own request. What is none passes untouched; of a
+    request that was sent in another form, as an exception in the form that was asked.
+    """
+    pdu = request.frame.pdu
+    asked, sent = pdu[0], request.sent_pdu[0]
+    if is_acknowledged:
+        if asked == FunctionCode.WRITE_MULTIPLE_REGISTERS:
+            return pdu[:5]
+        is_echoed = asked in (FunctionCode.WRITE_SINGLE_REGISTER, FunctionCode.MASK_WRITE_REGISTER)
+        return pdu if is_echoed else reply
+    if asked == sent:
+        return reply
+    is_refusal = len(reply) == 2 and is_exception(reply)
+    return exception_pdu(asked, reply[1] if is_refusal else ExceptionCode.SERVER_DEVICE_FAILURE)
+
+
+def _acknowledges(request: Request, reply: bytes) -> bool:
+    """Whether a reply is the full native success of what was sent (M7)."""
+    sent, access = request.sent_pdu, request.frame.access
+    if access.is_mei:
+        is_same = reply[:8] == sent[:8]
+        return is_same and (not access.read_quantity or len(reply) == MEI_HEAD + 2 * access.read_quantity)
+    if access.read_quantity:
+        expected = 2 * request.read_span.quantity
+        return reply[0] == sent[0] and len(reply) == 2 + expected and reply[1] == expected
+    if sent[0] in (FunctionCode.WRITE_MULTIPLE_REGISTERS, FunctionCode.WRITE_MULTIPLE_COILS):
+        return reply == sent[:5]
+    return reply == sent
+
+
+def turned_back(request: Request, reply: bytes) -> bytes:
+    """Return a reply to a read with every position on the controller's scale."""
+    access = request.frame.access
+    head = MEI_HEAD if access.is_mei else 2
+    data = bytearray(swapped(reply[head:]) if access.is_mei else reply[head:])
+    try:
+        for hit in request.read_hits.fields:
+            if hit.is_whole and hit.place.role.is_position:
+                _turn_field_back(hit, request, data)
+    except RegisterRangeError:
+        return exception_pdu(request.frame.pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE)
+    note_bits(request.read_hits.bits, data, sent_somewhere(request), request.now_ns)
+    if access.is_mei:
+        return reply[:head] + swapped(bytes(data)) if request.read_hits.fields else reply
+    skip = 2 * (access.read_address - request.read_span.address)
+    asked = data[skip : skip + 2 * access.read_quantity]
+    return bytes((reply[0], len(asked))) + bytes(asked)
+
+
+def _turn_field_back(hit: FieldHit, request: Request, data: bytearray) -> None:
+    place = hit.place
+    axis, at, end = place.axis, 2 * hit.word, 2 * (hit.word + place.field.words)
+    words = bytes(data[at:end])
+    readback = request.readbacks.get(axis.plan.name)
+    if readback is not None and any(each.targets for each in request.commands):
+        readback = axis.compensation.readback  # FC23 writes before it reads
+    if place.role is FieldRole.ACTUAL and place.number == 0:
+        was_undecided = axis.is_recalling
+        axis.observe_actual(place.field, words, request.now_ns)  # as old as its request
+        if was_undecided and readback is not None:
+            readback = axis.compensation.readback  # nothing else was in force when the request was sent
+    if readback is None:
+        return
+    if place.role is FieldRole.COMMAND and place.image is not None:
+        data[at:end] = axis.read_command_words(place.number, place.field, words, readback)
+    elif place.role is FieldRole.LIMIT and place.image is not None:
+        data[at:end] = nominal_limit(axis, place.number, words)
+    else:
+        data[at:end] = axis.nominal_words(place.field, words, readback)
+
+
+def sent_somewhere(request: Request) -> set[str]:
+    """Return the names of the axes that a request sends somewhere."""
+    return {each.axis.plan.name for each in request.commands if each.sends_somewhere}
+
+
+def note_discrete(unit: UnitMap | None, request: bytes, reply: bytes, asked_ns: int) -> None:
+    """Take note of status bits among coils or discrete inputs that were read (6.1, 6.2)."""
+    if unit is None or request[0] not in READS_BITS or len(request) != 5:
+        return
+    if len(reply) < 3 or reply[0] != request[0] or len(reply) != 2 + reply[1]:
+        return
+    table = BitTable.COIL if request[0] == FunctionCode.READ_COILS else BitTable.INPUT
+    address, quantity = int.from_bytes(request[1:3], "big"), int.from_bytes(request[3:5], "big")
+    hits = unit.read_bits(table, address, min(quantity, 8 * reply[1]))
+    if hits:
+        words = b"".join(bytes((0, reply[2 + i // 8] >> i % 8 & 1)) for i in range(8 * reply[1]))
+        note_bits(hits, words, set(), asked_ns)
+
+
+def note_bits(
+    hits: Iterable[BitHit], data: bytes | bytearray, written: AbstractSet[str], asked_ns: int
+) -> None:
+    """Take note of status bits, a word for each in ``data``: as old as their request.
+
+    The done bit of a frame that wrote a target is still that of the one before.
+    """
+    for axis, name, bit, word in hits:
+        is_set = bit.is_set(data[2 * word] << 8 | data[2 * word + 1])
+        if axis.plan.name not in written or name == HOMED_BIT:
+            axis.observe_bit(name, asked_ns, is_set=is_set)
