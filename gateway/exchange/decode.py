@@ -174,6 +174,7 @@ class AxisCommand:
         "hits",
         "is_again",
         "is_doubtful",
+        "is_stop",
         "is_uncorrected",
         "modes_written",
         "needs_word",
@@ -182,6 +183,8 @@ class AxisCommand:
         "peer_runs",
         "remaps",
         "runs",
+        "runs_alone",
+        "runs_target",
         "sets_position_too",
         "stagings",
         "targets",
@@ -228,6 +231,12 @@ class AxisCommand:
         """A bit that starts the motion is set, and nobody knows whether it was set before."""
         self.sets_position_too = sets_position_too
         """A stop that also tells the drive that it stands somewhere else."""
+        self.is_stop = action is Action.STOP
+        """It must never be refused or late (M3)."""
+        self.runs_target = action.runs_target
+        """It starts a move to a position that was written, in this request or before."""
+        self.runs_alone = self.runs_target and number not in self.written
+        """It runs a target that was written before."""
         self.epoch = axis.interlock.epoch
         # --- what it writes
         self.writes: list[FieldWrite] = []
@@ -261,11 +270,6 @@ class AxisCommand:
     # --- what it means
 
     @property
-    def is_stop(self) -> bool:
-        """Whether it must never be refused or late (M3)."""
-        return self.action is Action.STOP
-
-    @property
     def is_empty(self) -> bool:
         """Whether the request means nothing to the axis, whatever else it writes of it, as a limit."""
         is_anything = self.hits or self.words or self.coils or self.unclear_words
@@ -275,11 +279,6 @@ class AxisCommand:
     def is_idle(self) -> bool:
         """Whether it neither moves the axis nor changes a target or what one means."""
         return self.action is Action.IGNORE and not (self.written or self.writes_mode)
-
-    @property
-    def runs_alone(self) -> bool:
-        """Whether it runs a target that was written before."""
-        return self.action.runs_target and self.number not in self.written
 
     @property
     def runs_stored(self) -> bool:
@@ -296,7 +295,7 @@ class AxisCommand:
     @property
     def running(self) -> tuple[FieldHit, ...]:
         """The command fields that it writes and runs."""
-        if not self.action.runs_target:
+        if not self.runs_target:
             return ()
         if self.axis.plan.motion.waits_for_trigger:
             return tuple([hit for hit in self.hits if hit.place.number == self.number])
@@ -345,6 +344,12 @@ def decode(
             where one would not tell.
         may_have_risen: take every bit that is set as one that rises.
     """
+    if not frame.unit.has_rules:  # of a unit without triggers and modes each command field runs
+        return [
+            AxisCommand(hits.axis, Action.ABSOLUTE, hits.commands[0].place.number, hits.commands)
+            for hits in frame.by_axis
+            if hits.commands
+        ]
     found = []
     for hits in frame.by_axis:
         read = read_words.get(hits.axis.plan.name, {})

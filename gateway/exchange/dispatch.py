@@ -146,7 +146,7 @@ class Units:
             for frame in frames
             if frame.unit.has_rules
             for command in decode(frame)
-            if command.hits or command.action.runs_target
+            if command.hits or command.runs_target
         ]
 
     @staticmethod

@@ -96,14 +96,15 @@ def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
     if command.goes_unknown:
         _go_unknown(command, now_ns)
     rules, action = axis.rules, command.action
-    rules.note_words(dict(command.words), command.epoch)
-    rules.note_coils(dict(command.coils))
-    rules.doubt(dict.fromkeys(command.unclear_words, 0), {})
+    if command.words or command.coils or command.unclear_words:
+        rules.note_words(dict(command.words), command.epoch)
+        rules.note_coils(dict(command.coils))
+        rules.doubt(dict.fromkeys(command.unclear_words, 0), {})
     for number in command.written:
         rules.stage(number)
-    if command.written or action.runs_target:
-        axis.holds_unrun = not action.runs_target
-    if action.runs_target:
+    if command.written or command.runs_target:
+        axis.holds_unrun = not command.runs_target
+    if command.runs_target:
         axis.reference_happens(ReferenceEvent.OTHER_MOTION)
         axis.last_run = action
         mode = None if command.number is None else rules.plan.mode(command.number)
@@ -219,7 +220,7 @@ def lose(
     """A request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
     _lose(parts, loss, arrived_ns, follows_ns, arrived_ns)
     if command is not None:
-        if command.action.runs_target:
+        if command.runs_target:
             note_skew(axis, code)
         _block_for(command, code)
 
@@ -236,7 +237,7 @@ def _block_for(command: AxisCommand, code: int) -> None:
     """A target, its mode or a part of it was lost: its triggers are refused from now on (M3)."""
     axis = command.axis
     # The others of a beam must not go alone (M11); a run refused for their sake holds nobody up.
-    is_run_of_beam = bool(axis.peers) and command.action.runs_target and axis.blocked_by_peer is None
+    is_run_of_beam = bool(axis.peers) and command.runs_target and axis.blocked_by_peer is None
     may_stand = axis.plan.motion.waits_for_trigger or bool(axis.peers)
     if not may_stand or not (command.written or command.writes_mode or is_run_of_beam):
         return
@@ -248,5 +249,5 @@ def _block_for(command: AxisCommand, code: int) -> None:
             "complete one was accepted; stops always pass"
         )
         # Of what only stages, the loss is its own: a peer that is released must not go without it.
-        is_own = axis.blocked_by_peer is None or not command.action.runs_target
+        is_own = axis.blocked_by_peer is None or not command.runs_target
         axis.block_triggers(code, why, is_own=is_own)

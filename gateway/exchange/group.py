@@ -59,7 +59,7 @@ def leave_in_group(command: AxisCommand, now_ns: int) -> None:
         return
     if command.action in MOVES_OTHERWISE:
         beam.happens(BeamEvent.ENDED)
-    elif command.targets or command.runs or command.action.runs_target:
+    elif command.targets or command.runs or command.runs_target:
         is_first = beam.is_open
         if is_first:
             beam.fix(axis.plan.name, now_ns)
@@ -80,7 +80,7 @@ def end_in_group(request: Request, command: AxisCommand, outcome: Outcome, code:
     axis, beam, fixed = command.axis, command.axis.beam, command.axis.fixed
     if beam is None or fixed is None:
         return
-    if command.targets or command.runs or command.action.runs_target:
+    if command.targets or command.runs or command.runs_target:
         if outcome is Outcome.ACKNOWLEDGED or outcome is Outcome.BROADCAST:
             missing = _missing_words(command, fixed, now_ns)
             axis.fixed = fixed._replace(has_gone=True, missing=missing, part_ns=now_ns if missing else 0)
@@ -235,7 +235,7 @@ def settle_groups(request: Request) -> bool:
         beam, fixed = command.axis.beam, command.axis.fixed
         if beam is None or fixed is None or not (fixed.has_gone or fixed.may_have_gone):
             continue
-        if command.action.runs_target and _goes_elsewhere(request, command):
+        if command.runs_target and _goes_elsewhere(request, command):
             check_may_act(command)
             beam.happens(BeamEvent.AGAIN)
             return True
@@ -288,7 +288,7 @@ def _look_at_kept(request: Request, axis: Axis) -> AddedFrame | None:
 
 def _is_first(command: AxisCommand) -> bool:
     beam = command.axis.beam
-    return beam is not None and beam.is_open and command.action.runs_target
+    return beam is not None and beam.is_open and command.runs_target
 
 
 def _goes_elsewhere(request: Request, command: AxisCommand) -> bool:

@@ -249,7 +249,7 @@ def _note_jog(command: AxisCommand, writer: str) -> None:
     hold, action = command.axis.hold, command.action
     if action is Action.OTHER_MOTION:
         hold.note_jog(writer)
-    elif command.is_stop or action.runs_target or action is Action.HOME:
+    elif command.is_stop or command.runs_target or action is Action.HOME:
         hold.note_jog("")
 
 

@@ -336,13 +336,13 @@ def _blocking_code(command: AxisCommand) -> int | None:
     runs_unseen = command.runs_alone or (action is Action.UNKNOWN and not command.hits)
     if runs_unseen and axis.blocked_by is not None:
         return axis.blocked_by
-    if not action.runs_target and action is not Action.UNKNOWN:
+    if not command.runs_target and action is not Action.UNKNOWN:
         return None
     mode = None if command.number is None else axis.plan.motion.mode(command.number)
     lost_mode = axis.rules.lost_mode(command.number)
     if lost_mode is not None and mode is not None and mode.address not in command.words:
         return lost_mode
-    return axis.blocked_by_peer if action.runs_target else None
+    return axis.blocked_by_peer if command.runs_target else None
 
 
 # --- targets that the drive goes to --------------------------------------------------------------------

@@ -86,7 +86,7 @@ def _reference_read(request: Request) -> AddedFrame | None:
     unit, access = request.frame.unit, request.frame.access
     written = [hit for own in request.frame.by_axis for hit in own.fields]
     read = unit.read(access.read_address, access.read_quantity).fields
-    targets = [command.axis for command in request.commands if command.action.runs_target]
+    targets = [command.axis for command in request.commands if command.runs_target]
     targets += [hit.place.axis for hit in written if hit.place.role is FieldRole.COMMAND]
     others = [hit.place.axis for hit in (*written, *read)]
     for axis, is_target in (*((a, True) for a in targets), *((a, False) for a in others)):
