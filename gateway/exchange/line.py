@@ -40,7 +40,7 @@ from gateway.exchange.axis.registers import Loss
 from gateway.exchange.commands import Command, EndDryRun, SetLimits
 from gateway.exchange.control import ControlError, carry_out
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.cut_line import CutLine, CuttingLine, Wire
+from gateway.exchange.cut_line import CutLine, LeadingLine, Wire
 from gateway.exchange.cut_requests import leave_on
 from gateway.exchange.cut_through import Turn
 from gateway.exchange.deadlines import Deadlines
@@ -64,11 +64,13 @@ from gateway.exchange.transaction import (
     LOST,
     NO_RESPONSE,
     Answer,
-    Endings,
     FastPath,
     Phase,
+    Step,
+    StopEvent,
     Stopping,
     Transaction,
+    Transactions,
     outcome_of_reply,
 )
 from gateway.limits import Reports, others_of_pairs, times
@@ -78,6 +80,8 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
 EXCEPTION: Final = Outcome.EXCEPTION
+FRAME: Final = Step.FRAME
+ADDED_FRAME: Final = Step.ADDED_FRAME
 HAS_NO_TURN: Final = 1 << 62
 """Instant of what waits for somebody else's turn and not for time."""
 WANTED_AGAIN_NS: Final = 100 * NS_PER_MS
@@ -95,7 +99,7 @@ REFUSALS_TOLD: Final = 10
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class LineExchange(CuttingLine):
+class LineExchange:
     """The transactions of one line and the axes on it."""
 
     def __init__(
@@ -128,12 +132,11 @@ class LineExchange(CuttingLine):
         self._own_unit_id = NO_UNIT_ID if own_unit is None else own_unit.unit_id
         self._on_event = on_event
         self._ownership = Ownership(self.axes, self._units, on_event)
-        self._ends = Endings(self.counters, on_event, self._lose, self._units.get, tap)
-        self._admission = Admission(self._units, self._ends, self._ownership, on_event)
+        self._transactions = Transactions(self.counters, on_event, self._lose, self._units.get, link, tap=tap)
+        self._admission = Admission(self._units, self._transactions, self._ownership, on_event)
         self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
         self.rest = Rest(timing)
         self._waiting = WaitingQueue()
-        self._current: Transaction | None = None
         self._broken_off: ControllerPort | None = None
         """The connection of what is on the wire, where that has broken off meanwhile."""
         self.is_up = False
@@ -165,12 +168,14 @@ class LineExchange(CuttingLine):
         """Of a line whose frames may leave while they arrive; ``cut_through`` is the wire of its drives."""
         if cut_through is not None:
             gap_ns = int(timing.gap_ms * NS_PER_MS)
+            line = LeadingLine(self._may_lead, self._lead, self._commit, self._leave_whole, self._spoilt)
             self.cuts = CutLine(
-                self,
+                line,
+                self._transactions,
                 link,
                 self._units,
                 cut_through,
-                gap_ns,
+                gap_ns=gap_ns,
                 stored_units=other_units.unit_ids,
                 on_change=self._settle,
                 tell_no_gain=lambda why: on_event(Event(EventKind.CUT_THROUGH_OFF, None, why)),
@@ -180,8 +185,8 @@ class LineExchange(CuttingLine):
     @property
     def deadline_ns(self) -> int | None:
         """When :meth:`tick` wants to be called; a few milliseconds late does no harm."""
-        if self._current is not None:
-            return self._current.deadline_ns
+        if self._transactions.current is not None:
+            return self._transactions.current.deadline_ns
         rests_until_ns, waits_until_ns = self.rest.until_ns, self._waits_until_ns
         if not self.is_up or self._closes_ns or self._holds:
             due_ns = self._link_due_ns()
@@ -244,7 +249,7 @@ class LineExchange(CuttingLine):
     @property
     def is_idle(self) -> bool:
         """Whether no transaction is on the wire."""
-        return self._current is None
+        return self._transactions.current is None
 
     # --- from controllers ------------------------------------------------------------------------------
 
@@ -281,7 +286,7 @@ class LineExchange(CuttingLine):
         if not len(pdu):
             self.counters.malformed += 1
             return
-        if port.is_serial and (self._current is not None or self._waiting.total):
+        if port.is_serial and (self._transactions.current is not None or self._waiting.total):
             self._give_up(port, "its controller sent another request", now_ns)
         if self._is_stopping:
             return
@@ -303,7 +308,7 @@ class LineExchange(CuttingLine):
         if is_motion and self._gaps.is_watching and not self._is_moving:
             self._gaps.motion_came(now_ns)
         is_free = (
-            self._current is None
+            self._transactions.current is None
             and self.rest.until_ns is None
             and not self.answers.silences
             and not self._holds
@@ -318,9 +323,9 @@ class LineExchange(CuttingLine):
     def _answer_as_own(self, transaction: Transaction, why_given_up: str, now_ns: int) -> None:
         """Answer for the gateway's own unit id, whatever the line is at."""
         assert self._own_unit is not None
-        transaction.end(Outcome.NEVER_SENT)
+        self._transactions.go_on(transaction, Outcome.NEVER_SENT)
         if not why_given_up:
-            self._ends.reply(transaction, self._own_unit.answer(transaction.pdu, now_ns))
+            self._transactions.reply(transaction, self._own_unit.answer(transaction.pdu, now_ns))
 
     def _judge(self, transaction: Transaction, now_ns: int, *, is_free: bool) -> None:
         """Start, queue or refuse a request that cannot simply go out."""
@@ -368,8 +373,8 @@ class LineExchange(CuttingLine):
         So it does with axes whose targets the same frame writes: their triggers were meant for those before.
         And with those whose targets it runs: it would run the ones before.
         """
-        if self._current is not None and self._current.phase is Phase.LEAVING:
-            self._spoil(self._current, Turn.OVERTAKEN, now_ns)
+        if self._transactions.current is not None and self._transactions.current.phase is Phase.LEAVING:
+            self._spoil(self._transactions.current, Turn.OVERTAKEN, now_ns)
         axes = [meaning.axis for meaning in stops]
         axes += self._units.given_targets(self._units.frames_of(stop))
         reason = "a stop of its axis came after it"
@@ -378,12 +383,16 @@ class LineExchange(CuttingLine):
         )
         for transaction in acts:
             self._overtaken(transaction, reason, now_ns)
-        current = self._current
+        current = self._transactions.current
         if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
             current.overtake(reason)
-        stop.become_stop(only_stops=self._units.only_stops(self._units.frames_of(stop)))
+        only_stops = self._units.only_stops(self._units.frames_of(stop))
+        event = StopEvent.FOUND if only_stops else StopEvent.FOUND_WITH_MORE
+        self._transactions.stop_goes_on(stop, event)
         if not self.is_up or self.rest.is_opening:
             stop.hold_up()
+        for before in self._waiting.withdraw(lambda each: each.is_same_stop(stop) and each.is_orphan):
+            self._transactions.replace(before, stop)
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             busy = ExceptionCode.SERVER_DEVICE_BUSY
             self._refuse(stop, busy, now_ns, loss=None)
@@ -400,11 +409,11 @@ class LineExchange(CuttingLine):
             self._tap.gone(port, now_ns, is_broken=is_broken)
         if self.cuts is not None:
             self.cuts.gone(port, now_ns)
-            if self._current is not None and self._current.port is port:
+            if self._transactions.current is not None and self._transactions.current.port is port:
                 self._end_reply(Turn.LOST, now_ns)
         self._give_up(port, "its connection closed", now_ns)
         self._admission.gone(port, now_ns, is_broken=is_broken)
-        if is_broken and self._current is not None and self._current.port is port:
+        if is_broken and self._transactions.current is not None and self._transactions.current.port is port:
             self._broken_off = port
         self._settle()
 
@@ -412,9 +421,9 @@ class LineExchange(CuttingLine):
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
         for transaction in self._waiting.give_up(port):
             self._withdraw(transaction, reason, now_ns)
-        if self._current and self._current.port is port:
+        if self._transactions.current and self._transactions.current.port is port:
             self._end_reply(Turn.ANEW, now_ns)
-            self._current.give_up()
+            self._transactions.current.give_up()
 
     def note_standstill(self, gap_ns: int) -> None:
         """Report that nobody looked for a while."""
@@ -427,7 +436,7 @@ class LineExchange(CuttingLine):
         """Do what a command asks for; see ``control.carry_out``. Raises ControlError."""
         if self._tap is not None:
             self._tap.command(command, tables, now_ns)
-        current = self._current
+        current = self._transactions.current
         if isinstance(command, EndDryRun) and current is not None and not current.only_reads:
             raise ControlError(f"axis {command.axes[0]} stays in shadow: {ON_THE_WIRE}")
         for axis in self.axes:
@@ -451,12 +460,12 @@ class LineExchange(CuttingLine):
         self._settle()
 
     def _reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
-        transaction = self._current
+        transaction = self._transactions.current
         if transaction is None or unit_id != transaction.wire_unit_id or not len(pdu):
             self._stray(now_ns, NO_UNIT_ID)
             return
         if len(pdu) > MAX_PDU:  # it cannot be passed on
-            self._current = None
+            self._transactions.current = None
             self._renewal.hear()
             self.counters.oversized += 1
             self._end_unanswered(transaction, now_ns)
@@ -467,7 +476,7 @@ class LineExchange(CuttingLine):
             self._renewal.hear()
             self.answers.disturb(unit_id, now_ns)
             self.answers.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
-            self._current = None
+            self._transactions.current = None
             self._send_once_more(transaction, now_ns)
             self._report(self._units.axes_of(unit_id))
             self._next(now_ns)
@@ -494,10 +503,11 @@ class LineExchange(CuttingLine):
             axes = path.axes
             self.counters.exchanges += 1
             self.counters.exceptions += pdu[0] >= EXCEPTION_BIT
-            transaction.end(ACKNOWLEDGED if pdu[0] < EXCEPTION_BIT else EXCEPTION)
-            self._ends.reply(transaction, turned)
+            outcome = ACKNOWLEDGED if pdu[0] < EXCEPTION_BIT else EXCEPTION
+            self._transactions.go_on(transaction, outcome)
+            self._transactions.reply(transaction, turned)
             path.settle(transaction, now_ns)
-            self._current = None
+            self._transactions.current = None
             assert transaction.port is not None
             self.meter.note(transaction, transaction.port, pdu, now_ns)
         if cuts is not None:
@@ -515,12 +525,12 @@ class LineExchange(CuttingLine):
         for axis in axes:
             axis.end_silence(is_answer=True)
         if transaction.added is not None:
-            self._current = None
+            self._transactions.current = None
             self._take_added(transaction, pdu, now_ns)
             return axes
         outcome, code = outcome_of_reply(transaction, pdu)
-        self._ends.finish(transaction, outcome, now_ns, code=code, reply=pdu)
-        self._current = None
+        self._transactions.finish(transaction, outcome, now_ns, code=code, reply=pdu)
+        self._transactions.current = None
         if self._broken_off is not None:
             self._forget_parts_of(transaction)
         if transaction.port is not None:
@@ -540,11 +550,11 @@ class LineExchange(CuttingLine):
             if not is_again:
                 learn(frame, pdu, known, transaction.sent_ns)
             outcome = Outcome.EXCEPTION if is_exception(pdu) else Outcome.ACKNOWLEDGED
-            self._ends.finish(transaction, outcome, now_ns)
+            self._transactions.finish(transaction, outcome, now_ns)
             following = None if is_exception(pdu) else next_look(frame, transaction.sent_ns)
             self._waiting.add_own(once_more(frame) if is_again else following, now_ns)
             return
-        transaction.learn()
+        self._transactions.go_on(transaction, Step.ANSWERED)
         code = self._learn(transaction, frame, pdu, now_ns)
         if code is not None:
             self._refuse(transaction, code, now_ns)
@@ -624,18 +634,18 @@ class LineExchange(CuttingLine):
     def _stray(self, now_ns: int, unit_id: int) -> None:
         self.counters.late += 1
         self._renewal.hear()
-        if self._current is not None and self._current.phase is Phase.LEAVING:
-            self._spoil(self._current, Turn.MET, now_ns)
+        if self._transactions.current is not None and self._transactions.current.phase is Phase.LEAVING:
+            self._spoil(self._transactions.current, Turn.MET, now_ns)
         is_awaited = self.answers.disturb(unit_id, now_ns)
         if self.rest.is_draining:
             self.rest.disturb(now_ns)
-        elif unit_id >= 0 and self._link.is_serial and self._current is None and not is_awaited:
+        elif unit_id >= 0 and self._link.is_serial and self._transactions.current is None and not is_awaited:
             self.rest.drain(now_ns)
             detail = f"a frame that answers nothing: waiting for {self.rest.drain_ms:g} ms of silence"
             self._on_event(Event(EventKind.LATE_REPLY, None, detail))
         if unit_id >= 0 and self.answers.silences:
             self._hear(unit_id, now_ns)
-        if is_awaited and self._current is None:
+        if is_awaited and self._transactions.current is None:
             self._next(now_ns)
 
     def unframed(self, now_ns: int) -> None:
@@ -695,7 +705,7 @@ class LineExchange(CuttingLine):
         self._settle()
 
     def _link_down(self, now_ns: int, reason: str, *, is_orderly: bool) -> None:
-        current, self._current = self._current, None
+        current, self._transactions.current = self._transactions.current, None
         is_idle = is_orderly and current is None and self._link.connects and self._renewal.owes_nothing
         detail = reason
         if is_orderly:
@@ -705,7 +715,7 @@ class LineExchange(CuttingLine):
             self._spoil(current, Turn.LOST, now_ns)
             self._end_leaving(current, now_ns)
         elif current is not None and self._may_begin_anew(current):
-            current.learn()
+            self._transactions.go_on(current, Step.ANSWERED)
             current.begin_anew()
             self._waiting.put_back(current)
         elif current is not None:
@@ -809,7 +819,7 @@ class LineExchange(CuttingLine):
     def _close_at_rest(self, now_ns: int) -> None:
         """Close the connection, if it is to be closed, once nothing is under way."""
         idle_ns = max(self.link_state.up_ns, self.answers.last_answered_ns) + ON_DEMAND_NS
-        is_idle = self._current is None and not self._waiting.total and not self.answers.silences
+        is_idle = self._transactions.current is None and not self._waiting.total and not self.answers.silences
         is_idle = is_idle and self.rest.until_ns is None and not self._holds
         if self._on_demand and now_ns < idle_ns:
             self._closes_ns = idle_ns
@@ -834,9 +844,10 @@ class LineExchange(CuttingLine):
         """Let the stops that left while writes were held leave once more, before any write does."""
         stops, self._early_stops = self._early_stops, []
         for stop in stops:
-            again = stop.once_more()
-            again.give_up()  # its controller was answered
-            self._waiting.add_again(again)
+            again = self._transactions.once_more(stop)
+            if again is not None:
+                again.give_up()  # its controller was answered
+                self._waiting.add_again(again)
 
     def _see_whether_it_closes(self, transaction: Transaction, now_ns: int) -> None:
         """Behind an answer let nothing leave that a server would not read which closes its connection.
@@ -967,9 +978,9 @@ class LineExchange(CuttingLine):
         self._settle()
 
     def _tick(self, now_ns: int) -> None:
-        is_timed_out = self._current is not None
-        if self._current is not None:
-            self._time_out(self._current, now_ns)
+        is_timed_out = self._transactions.current is not None
+        if self._transactions.current is not None:
+            self._time_out(self._transactions.current, now_ns)
         # What comes too late to the end of a silence has to see that there was one.
         if self.is_up and self.answers.owes:
             self._answer_waiting(now_ns)
@@ -998,7 +1009,7 @@ class LineExchange(CuttingLine):
     @property
     def _is_moving(self) -> bool:
         """Whether a motion transaction is on the wire or waits."""
-        current = self._current
+        current = self._transactions.current
         return (current is not None and current.is_motion) or not self._waiting.only_others
 
     def _next(self, now_ns: int) -> None:
@@ -1008,7 +1019,7 @@ class LineExchange(CuttingLine):
             self._wake_at(self._wait_for_link(now_ns))
             if not self.is_up:
                 return
-        while self._waiting.total and self._current is None:
+        while self._waiting.total and self._transactions.current is None:
             if self.rest.until_ns is not None or self.answers.silences or self._holds:
                 if self.answers.owes:
                     self._answer_waiting(now_ns)
@@ -1023,7 +1034,7 @@ class LineExchange(CuttingLine):
                 break
             self._waiting.take(chosen)
             self._start(chosen, now_ns)
-        if self._holds and self._current is None and self.rest.until_ns is None:
+        if self._holds and self._transactions.current is None and self.rest.until_ns is None:
             self._wake_at(self._ask_held(now_ns))
 
     def _wake_at(self, due_ns: int) -> None:
@@ -1128,12 +1139,14 @@ class LineExchange(CuttingLine):
 
     def _is_behind(self, port: ControllerPort) -> bool:
         """Whether a controller is owed another answer first."""
-        return (self._current is not None and self._current.port is port) or self._waiting.has(port)
+        return (
+            self._transactions.current is not None and self._transactions.current.port is port
+        ) or self._waiting.has(port)
 
     def _answer_for_dead(self, transaction: Transaction, now_ns: int) -> None:
         """Answer in the place of a drive that is not asked: that counts as unanswered (W11)."""
         answer = Answer.BACK_OFF
-        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
+        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
         if transaction.unit_id == BROADCAST_UNIT_ID:
             return
         axes = self._units.axes_of(transaction.unit_id)
@@ -1158,7 +1171,7 @@ class LineExchange(CuttingLine):
         """Answer in the place of a drive that was not asked: nothing is learned of it from that."""
         self.answers.note_unasked(transaction.unit_id)
         answer = Answer.TOO_LATE
-        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
+        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
 
     def _answer_waiting(self, now_ns: int) -> None:
         """Answer what waits for a unit that is dead now, or only to leave too late.
@@ -1226,7 +1239,7 @@ class LineExchange(CuttingLine):
                 newest[id(each.port)] = each
                 if before is not None:
                     older.append(before)
-                    each.become_again(before)
+                    self._transactions.replace(before, each)
         for each in older:
             self._waiting.take(each)
             self._answer_for_dead(each, now_ns)
@@ -1237,8 +1250,13 @@ class LineExchange(CuttingLine):
         Where that has given up on it and the same stop waits already, that one is the next.
         """
         if not (stop.is_orphan and any(each.is_same_stop(stop) for each in self._waiting)):
-            self._waiting.add_again(stop.once_more())
-        self._ends.finish(stop, Outcome.NO_REPLY, now_ns, code=NO_RESPONSE)
+            self._wait_again(stop)
+        self._transactions.finish(stop, Outcome.NO_REPLY, now_ns, code=NO_RESPONSE)
+
+    def _wait_again(self, stop: Transaction) -> None:
+        again = self._transactions.once_more(stop)
+        if again is not None:
+            self._waiting.add_again(again)
 
     def _start(self, transaction: Transaction, now_ns: int) -> None:
         """Send a transaction, or the frame that it needs first; or withdraw or refuse it."""
@@ -1253,7 +1271,7 @@ class LineExchange(CuttingLine):
         elif transaction.is_held_up and self._has_waited_too_long(transaction, now_ns):
             self._refuse_absent(transaction, now_ns)
         elif transaction.port is None and self._is_answered_for(transaction, now_ns):
-            self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns)
+            self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns)
         elif transaction.port is None:
             self._put_on_wire(transaction, transaction.pdu, transaction.unit_id, now_ns)
         else:
@@ -1314,7 +1332,7 @@ class LineExchange(CuttingLine):
             self._on_event(Event(EventKind.UNKNOWN_UNIT, None, detail))
 
     def _put_on_wire(self, transaction: Transaction, pdu: bytes, unit_id: int, now_ns: int) -> None:
-        """Send a frame: the request itself, or one of the gateway's own. All frames leave here."""
+        """Send a frame: the request itself, or one of the gateway's own."""
         patience_ns = self._response_timeout_ns
         port = transaction.port
         if port is not None and port.patience_ns > patience_ns and transaction.added is None:
@@ -1327,42 +1345,37 @@ class LineExchange(CuttingLine):
         if port is not None and self.answers.silences and not transaction.is_stop:
             self.answers.had_turn(id(port))
         if transaction.is_stop and self._is_early(transaction, now_ns):
-            transaction.leave_early()
+            self._transactions.stop_goes_on(transaction, StopEvent.LEAVES_EARLY)
         if self._holds and transaction.is_stop:
             self._note_early(transaction)
-        transaction.leave(now_ns, unit_id, patience_ns)
-        if self._tap is not None:
-            self._tap.sent(unit_id, pdu)
-        if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
-            self._link.send_request(unit_id, pdu)
-            self._end_broadcast(transaction, now_ns)
-            return
-        self._current = transaction
-        if self.cuts is not None:
+        is_broadcast = unit_id == BROADCAST_UNIT_ID and self._link.is_serial
+        if self.cuts is not None and not is_broadcast:
             self.cuts.reply.expect(transaction)
-        self._link.send_request(unit_id, pdu)
+        step = FRAME if port is None or transaction.added is None else ADDED_FRAME
+        has_left = self._transactions.send(transaction, step, unit_id, pdu, now_ns, patience_ns=patience_ns)
+        if is_broadcast and has_left:
+            self._end_broadcast(transaction, now_ns)
 
     # --- requests that leave while they arrive ---------------------------------------------------------
 
-    def may_lead(self, port: ControllerPort, now_ns: int) -> bool:
-        """See ``CuttingLine``: what would go out at once, if all of it had come."""
-        if self._current is not None or not self.is_up or self.rest.until_ns is not None:
+    def _may_lead(self, port: ControllerPort, now_ns: int) -> bool:
+        """See ``LeadingLine``: what would go out at once, if all of it had come."""
+        if self._transactions.current is not None or not self.is_up or self.rest.until_ns is not None:
             return False
         if self.answers.silences or self._is_stopping or not self._waiting.only_others:
             return False
         return port.is_motion and port.gate is None and self._link.may_lead(now_ns)
 
-    def lead(self, port: ControllerPort, expected: bytes, now_ns: int) -> None:
-        """See ``CuttingLine``. Whatever comes meanwhile waits, as for one that has left (W6)."""
+    def _lead(self, port: ControllerPort, expected: bytes, now_ns: int) -> Transaction | None:
+        """See ``LeadingLine``. Whatever comes meanwhile waits, as for one that has left (W6)."""
         if self._gaps.is_watching and not self._is_moving:
             self._gaps.motion_came(now_ns)
         transaction = Transaction(port, 0, expected[0], expected[1:], now_ns)
-        transaction.lead()
-        self._current = transaction
+        return transaction if self._transactions.begin(transaction) else None
 
-    def leaves(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
-        """See ``CuttingLine``. All of it has come in this moment."""
-        transaction = self._current
+    def _commit(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
+        """See ``LeadingLine``. All of it has come in this moment."""
+        transaction = self._transactions.current
         assert transaction is not None
         port = transaction.port
         assert port is not None
@@ -1370,22 +1383,31 @@ class LineExchange(CuttingLine):
         transaction.arrive(pdu, arrived_ns)
         transaction.follow(port)
         sent_pdu = leave_on(path, transaction, target, now_ns)
-        if sent_pdu is None:
-            return None
-        if self._tap is not None:  # as if it had been stored
-            self._tap.request(port, transaction.transaction_id, transaction.unit_id, pdu, now_ns)
-        transaction.take(path)
+        if sent_pdu is not None:
+            if self._tap is not None:  # as if it had been stored
+                self._tap.request(port, transaction.transaction_id, transaction.unit_id, pdu, now_ns)
+            transaction.take(path)
+        return sent_pdu
+
+    def _leave_whole(
+        self, transaction: Transaction, unit_id: int, pdu: bytes, piece: bytes, now_ns: int
+    ) -> None:
+        """See ``LeadingLine``."""
+        path, port = transaction.path, transaction.port
+        assert path is not None
+        assert port is not None
         patience_ns = max(self._response_timeout_ns, port.patience_ns)
-        transaction.leave(now_ns, transaction.unit_id, patience_ns)
+        self._transactions.send(
+            transaction, Step.LAST_PIECE, unit_id, pdu, now_ns, patience_ns=patience_ns, piece=piece
+        )
         if transaction.target is not None:
             path.left(transaction)
         if self.cuts is not None:
             self.cuts.reply.expect(transaction)
-        return sent_pdu
 
-    def spoilt(self, until_ns: int, now_ns: int) -> None:
-        """See ``CuttingLine``. If all of it comes it is a request as any other, behind the silence."""
-        transaction, self._current = self._current, None
+    def _spoilt(self, until_ns: int, now_ns: int) -> None:
+        """See ``LeadingLine``. If all of it comes it is a request as any other, behind the silence."""
+        transaction, self._transactions.current = self._transactions.current, None
         assert transaction is not None
         self._end_leaving(transaction, now_ns)
         self.rest.spoil(until_ns)
@@ -1404,7 +1426,7 @@ class LineExchange(CuttingLine):
 
     def _end_leaving(self, transaction: Transaction, now_ns: int) -> None:
         """End what never left whole: nothing of it is lost that its controller has not still to send."""
-        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, loss=None)
+        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, loss=None)
 
     def _end_broadcast(self, transaction: Transaction, now_ns: int) -> None:
         """Give the drives time to obey what all of them heard, and none of them answers."""
@@ -1412,8 +1434,8 @@ class LineExchange(CuttingLine):
         self.rest.turn_around(now_ns)
         self._gaps.ended(transaction, now_ns, self.rest.until_ns)
         if transaction.stopping is Stopping.EARLY:
-            self._waiting.add_again(transaction.once_more())
-        self._ends.finish(transaction, Outcome.BROADCAST, now_ns)
+            self._wait_again(transaction)
+        self._transactions.finish(transaction, Outcome.BROADCAST, now_ns)
         self._report(self.axes)
 
     def _report(self, axes: tuple[Axis, ...]) -> None:
@@ -1443,25 +1465,25 @@ class LineExchange(CuttingLine):
         self, transaction: Transaction, code: int, now_ns: int, *, loss: Loss | None = Loss.DENIED
     ) -> None:
         """Refuse a request that might have moved something: it never reached the drive (M3)."""
-        self._ends.finish(
+        self._transactions.finish(
             transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, loss=loss
         )
 
     def _refuse_absent(self, transaction: Transaction, now_ns: int) -> None:
         """Say that there is no link to the drives (W7)."""
         code = ExceptionCode.GATEWAY_PATH_UNAVAILABLE
-        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.ABSENCE)
+        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.ABSENCE)
 
     def _withdraw(self, transaction: Transaction, why: str, now_ns: int) -> None:
         """End a request that its controller does not wait for any more (W5)."""
-        self._ends.finish(
+        self._transactions.finish(
             transaction, Outcome.NEVER_SENT, now_ns, code=LOST, withdrawn=why, loss=Loss.WITHDRAWN
         )
 
     def _overtaken(self, transaction: Transaction, why: str, now_ns: int) -> None:
         """Withdraw what a stop has overtaken; its controller still waits, and is told (M3)."""
         code = ExceptionCode.SERVER_DEVICE_BUSY
-        self._ends.finish(
+        self._transactions.finish(
             transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, withdrawn=why
         )
 
@@ -1473,7 +1495,7 @@ class LineExchange(CuttingLine):
             if frame is not None and frame.rendering is not None:
                 why = "nobody knows whether the staged target was written anew"
                 frame.axis.lose_restaged(frame.rendering, NO_RESPONSE, why)
-        self._ends.finish(transaction, outcome, now_ns, code=NO_RESPONSE, answer=Answer.ABSENCE)
+        self._transactions.finish(transaction, outcome, now_ns, code=NO_RESPONSE, answer=Answer.ABSENCE)
         if self._broken_off is not None:
             self._forget_parts_of(transaction)
 
@@ -1492,7 +1514,7 @@ class LineExchange(CuttingLine):
             self._tap.abandoned()
         self._link.abandon()
         self._end_reply(Turn.STALLED, now_ns)
-        self._current = None
+        self._transactions.current = None
         self.counters.timeouts += 1
         unit_id = transaction.wire_unit_id
         if transaction.port is not None:

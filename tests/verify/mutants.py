@@ -79,6 +79,8 @@ ENUMS: Final = (
     "ReferenceEvent",
     "ReferenceState",
     "Said",
+    "Step",
+    "StopEvent",
     "Stopping",
     "Turn",
     "WireEvent",
