@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Final, TypeVar
 
-from gateway.exchange.answers import REACH_AFTER, Reach, Sign
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.interlock import BLOCK_AFTER, Block, BlockEvent
 from gateway.exchange.axis.motion import (
@@ -24,6 +23,7 @@ from gateway.exchange.axis.reference import (
     ReferenceState,
 )
 from gateway.exchange.plan import Reference
+from gateway.exchange.silent_units import REACH_AFTER, Reach, Sign
 from gateway.exchange.transaction import PHASE_AFTER, STOP_AFTER, Phase, Step, StopEvent, Stopping
 from tools.diagram import ANY, Arrows, Box, Layout, LayoutError, Route, drawn
 from tools.markers import table

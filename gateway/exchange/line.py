@@ -8,8 +8,8 @@ States of the line:
 - *resting*: nothing but stops is sent until an instant passes: the turnaround after a broadcast (no stops
   either), or the silence after a frame that nobody asked for (W6).
 
-While a unit id is silent each request waits for what :class:`~gateway.exchange.answers.Answers` says of it: a
-late reply never answers the next request (W6), a dead unit is answered for (W11).
+While a unit id is silent each request waits for what ``silent_units`` says of it: a late reply never answers
+the next request (W6), a dead unit is answered for (W11).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -29,7 +29,6 @@ from gateway.exchange.added_frames import (
     trial_read,
 )
 from gateway.exchange.admission import NO_ROOM, Admission, judge, role_denial
-from gateway.exchange.answers import Answers, Reach, Silence
 from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import Axis
@@ -59,6 +58,7 @@ from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.renewal import Held, Renewal, longest_lost_ns
 from gateway.exchange.request import Known
 from gateway.exchange.rest import Rest
+from gateway.exchange.silent_units import Reach, SilentUnits
 from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import (
     LOST,
@@ -156,7 +156,15 @@ class LineExchange:
         self._closes_ns = 0
         """When it is looked whether the connection can be closed; 0: it stays."""
         self._is_stopping = False
-        self.answers = Answers(timing, is_serial=link.is_serial)
+        self.silent_units = SilentUnits(
+            timing,
+            self._units,
+            self._waiting,
+            self._transactions,
+            on_event=on_event,
+            report=self._report,
+            is_serial=link.is_serial,
+        )
         self._refusals: Reports[tuple[str, str]] = Reports(NS_PER_S, REFUSALS_TOLD, others=others_of_pairs)
         self._arrived_ns = 0
         self._gaps = Gaps(timing)
@@ -192,8 +200,8 @@ class LineExchange:
             due_ns = self._link_due_ns()
             if due_ns < HAS_NO_TURN and (waits_until_ns is None or due_ns < waits_until_ns):
                 waits_until_ns = due_ns
-        if self.answers.silences:
-            quiet_ns = self.answers.quiet_ns
+        if self.silent_units.silences:
+            quiet_ns = self.silent_units.quiet_ns
             if quiet_ns is not None and (waits_until_ns is None or quiet_ns < waits_until_ns):
                 waits_until_ns = quiet_ns
         if rests_until_ns is None or waits_until_ns is None:
@@ -214,7 +222,7 @@ class LineExchange:
     @property
     def owes_silence(self) -> bool:
         """Whether a reply may still come that is not for whoever uses the line next."""
-        return self.rest.owes_silence or self.answers.owes
+        return self.rest.owes_silence or self.silent_units.owes
 
     @property
     def unit_ids(self) -> dict[str, Any]:
@@ -232,14 +240,14 @@ class LineExchange:
         asked = {unit_id for unit_id in self._units.heard if unit_id != BROADCAST_UNIT_ID}
         shown = sorted(asked.union(axis.plan.unit_id for axis in self.axes))
         asked_by: dict[str, list[int]] = {}
-        for controller, unit_id in sorted(self.answers.askers.union(self.meter.measured)):
+        for controller, unit_id in sorted(self.silent_units.askers.union(self.meter.measured)):
             if unit_id >= 0:  # of others than the pairs that are measured apart
                 asked_by.setdefault(controller, []).append(unit_id)
         return {
             "axes": {axis.plan.name: axis.plan.unit_id for axis in self.axes},
             **self.unit_ids,
             "asked_by": asked_by,
-            "drives": {str(unit_id): self.answers.status(unit_id, now_ns) for unit_id in shown},
+            "drives": {str(unit_id): self.silent_units.status(unit_id, now_ns) for unit_id in shown},
         }
 
     def rivals_status(self, axis: str, now_ns: int) -> dict[str, object] | None:
@@ -310,7 +318,7 @@ class LineExchange:
         is_free = (
             self._transactions.current is None
             and self.rest.until_ns is None
-            and not self.answers.silences
+            and not self.silent_units.silences
             and not self._holds
         )
         if why_given_up and not (self.is_up and self._units.stops_of(self._units.frames_of(transaction))):
@@ -343,9 +351,9 @@ class LineExchange:
         elif self._waiting.is_full(port):
             self._deny(transaction, NO_ROOM, now_ns)
         elif self._is_answered_at_once(transaction, now_ns) and not self._is_behind(port):
-            self._answer_for_dead(transaction, now_ns)
-        elif self._is_too_late(transaction, now_ns) and not self._is_behind(port):
-            self._answer_unasked(transaction, now_ns)
+            self.silent_units.answer_for(transaction, now_ns)
+        elif self.silent_units.is_too_late(transaction, now_ns) and not self._is_behind(port):
+            self.silent_units.answer_unasked(transaction, now_ns)
         else:
             self._gaps.is_watching |= not transaction.is_motion
             if self._is_held_up:
@@ -396,8 +404,8 @@ class LineExchange:
         if not self._waiting.add_stop(stop):  # the same stop waits already, many times
             busy = ExceptionCode.SERVER_DEVICE_BUSY
             self._refuse(stop, busy, now_ns, loss=None)
-        elif self.answers.backs_off and self._stop_from_ns(stop) > now_ns:
-            self._thin_out(stop, now_ns)
+        elif self._stop_from_ns(stop) > now_ns:
+            self.silent_units.thin_out(stop, now_ns)
         self._next(now_ns)
 
     def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
@@ -474,8 +482,8 @@ class LineExchange:
             return
         if transaction.stopping is Stopping.EARLY and not self._is_answer(transaction, pdu):
             self._renewal.hear()
-            self.answers.disturb(unit_id, now_ns)
-            self.answers.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
+            self.silent_units.disturb(unit_id, now_ns)
+            self.silent_units.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
             self._transactions.current = None
             self._send_once_more(transaction, now_ns)
             self._report(self._units.axes_of(unit_id))
@@ -483,13 +491,14 @@ class LineExchange:
             return
         if self.link_state.closes_soon:
             self._see_whether_it_closes(transaction, now_ns)
-        self.answers.answered_ns[unit_id] = now_ns
-        if self.answers.silences:
-            if transaction.stopping is Stopping.AGAIN and self.answers.owes_of(unit_id):
+        self.silent_units.answered_ns[unit_id] = now_ns
+        if self.silent_units.silences:
+            if transaction.stopping is Stopping.AGAIN and self.silent_units.owes_of(unit_id):
                 # Of the same stop, sent twice, one answer has come; nobody knows which.
-                self.answers.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
+                self.silent_units.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
             self._renewal.hear_answer(unit_id)
-            self._hear(unit_id, now_ns)
+            self._renewal.hear()
+            self.silent_units.hear(unit_id, now_ns)
         path, cuts = transaction.path, self.cuts
         if path is None:
             turned = None
@@ -605,20 +614,7 @@ class LineExchange:
         if pdu[0] in FULL_ECHOES:
             return reply == pdu
         # Of several registers only their addresses come back, as they do for any other write there.
-        return reply == pdu[:5] and not (self.rest.is_draining or self.answers.owes_of(unit_id))
-
-    def _hear(self, unit_id: int, now_ns: int) -> None:
-        """Take note of a frame of a unit id, while something on the line is silent."""
-        self._renewal.hear()
-        before = self.answers.hear(unit_id)
-        if before is Reach.ANSWERS:
-            return
-        self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
-        if before is Reach.DEAD:  # it was not asked, so nobody knows since when it is there again
-            axes = self._units.axes_of(unit_id)
-            for axis in axes:
-                axis.end_silence(is_answer=True, until_ns=now_ns)
-            self._report(axes)
+        return reply == pdu[:5] and not (self.rest.is_draining or self.silent_units.owes_of(unit_id))
 
     def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
         """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6).
@@ -636,15 +632,15 @@ class LineExchange:
         self._renewal.hear()
         if self._transactions.current is not None and self._transactions.current.phase is Phase.LEAVING:
             self._spoil(self._transactions.current, Turn.MET, now_ns)
-        is_awaited = self.answers.disturb(unit_id, now_ns)
+        is_awaited = self.silent_units.disturb(unit_id, now_ns)
         if self.rest.is_draining:
             self.rest.disturb(now_ns)
         elif unit_id >= 0 and self._link.is_serial and self._transactions.current is None and not is_awaited:
             self.rest.drain(now_ns)
             detail = f"a frame that answers nothing: waiting for {self.rest.drain_ms:g} ms of silence"
             self._on_event(Event(EventKind.LATE_REPLY, None, detail))
-        if unit_id >= 0 and self.answers.silences:
-            self._hear(unit_id, now_ns)
+        if unit_id >= 0 and self.silent_units.silences:
+            self.silent_units.hear(unit_id, now_ns)
         if is_awaited and self._transactions.current is None:
             self._next(now_ns)
 
@@ -678,7 +674,7 @@ class LineExchange:
             self.rest.open(now_ns + delay_ns)
         self._renewal.begin()
         if row.reach is Reached.ASKED_AGAIN:
-            self.answers.link_up()
+            self.silent_units.link_up()
         for axis in state.lost:
             axis.end_silence(is_answer=True, until_ns=now_ns)
         if loss is LinkLoss.RENEWAL:  # whoever is silent was so over it, and may have been switched off
@@ -741,10 +737,10 @@ class LineExchange:
         self.is_up = False
         self._closes_ns = 0
         is_under_way = any(axis.motion.state is MotionState.MOVING for axis in self.axes)
-        is_busy = current is not None or self.rest.is_draining or self.answers.owes
+        is_busy = current is not None or self.rest.is_draining or self.silent_units.owes
         self.rest.break_off(owes_silence=self._link.is_serial and is_busy)
-        heard_ns = [self.answers.answered_ns[axis.plan.unit_id] for axis in self.axes]
-        lost = state.go_down(loss, heard_ns, self.answers.last_answered_ns, now_ns)
+        heard_ns = [self.silent_units.answered_ns[axis.plan.unit_id] for axis in self.axes]
+        lost = state.go_down(loss, heard_ns, self.silent_units.last_answered_ns, now_ns)
         is_closed = loss is LinkLoss.IDLE_CLOSE or loss is LinkLoss.OWN_CLOSE
         if self._is_stopping or (self._on_demand and is_closed):
             state.tell_nothing()  # closing it ourselves is no event
@@ -818,8 +814,10 @@ class LineExchange:
 
     def _close_at_rest(self, now_ns: int) -> None:
         """Close the connection, if it is to be closed, once nothing is under way."""
-        idle_ns = max(self.link_state.up_ns, self.answers.last_answered_ns) + ON_DEMAND_NS
-        is_idle = self._transactions.current is None and not self._waiting.total and not self.answers.silences
+        idle_ns = max(self.link_state.up_ns, self.silent_units.last_answered_ns) + ON_DEMAND_NS
+        is_idle = (
+            self._transactions.current is None and not self._waiting.total and not self.silent_units.silences
+        )
         is_idle = is_idle and self.rest.until_ns is None and not self._holds
         if self._on_demand and now_ns < idle_ns:
             self._closes_ns = idle_ns
@@ -856,7 +854,7 @@ class LineExchange:
         read after the end of the connection, if that has come.
         """
         state = self.link_state
-        answered_ns = self.answers.answered_ns[transaction.wire_unit_id]
+        answered_ns = self.silent_units.answered_ns[transaction.wire_unit_id]
         if not state.has_closed_soon and state.up_ns <= answered_ns < now_ns - CLOSES_SOON_NS:
             state.closes_soon = False
         elif state.has_closed_soon or self._waiting.total or transaction.phase is Phase.PREREQUISITE:
@@ -910,7 +908,7 @@ class LineExchange:
         reads = {unit_id: trial_read(self._units.axes_of(unit_id)) for unit_id in unit_ids}
         is_known = True
         for unit_id in self._renewal.not_asked(unit_ids):
-            silence = self.answers.silences.get(unit_id)
+            silence = self.silent_units.silences.get(unit_id)
             if silence is not None and silence.reach is Reach.DEAD:
                 continue
             is_known, read = False, reads[unit_id]
@@ -939,10 +937,10 @@ class LineExchange:
             read = trial_read(self._units.axes_of(unit_id))
             if read is None:
                 continue
-            silence = self.answers.silences.get(unit_id)
+            silence = self.silent_units.silences.get(unit_id)
             dead = silence if silence is not None and silence.reach is Reach.DEAD else None
-            due_ns = self.answers.free_ns(unit_id, now_ns, is_read=True)
-            if dead is not None and self.answers.backs_off:
+            due_ns = self.silent_units.free_ns(unit_id, now_ns, is_read=True)
+            if dead is not None and self.silent_units.backs_off:
                 due_ns = max(due_ns, dead.due_ns)
             if due_ns > now_ns:
                 until_ns = min(until_ns, due_ns)
@@ -982,14 +980,14 @@ class LineExchange:
         if self._transactions.current is not None:
             self._time_out(self._transactions.current, now_ns)
         # What comes too late to the end of a silence has to see that there was one.
-        if self.is_up and self.answers.owes:
-            self._answer_waiting(now_ns)
+        if self.is_up and self.silent_units.owes:
+            self.silent_units.answer_waiting(now_ns)
         # Only here: a caller that comes late has read by then what had come (W6).
         rests_until_ns = self.rest.until_ns
         if self.rest.is_closing and rests_until_ns is not None and now_ns >= rests_until_ns:
             self.link_state.closes_soon = self.link_state.has_closed_soon = False  # it stays open
         self.rest.settle(now_ns)
-        self.answers.settle(now_ns)
+        self.silent_units.settle(now_ns)
         if not self.is_up or self._closes_ns or self._holds:
             self._watch_link(now_ns)
         if is_timed_out and self.is_up and self._link.connects:
@@ -1020,9 +1018,9 @@ class LineExchange:
             if not self.is_up:
                 return
         while self._waiting.total and self._transactions.current is None:
-            if self.rest.until_ns is not None or self.answers.silences or self._holds:
-                if self.answers.owes:
-                    self._answer_waiting(now_ns)
+            if self.rest.until_ns is not None or self.silent_units.silences or self._holds:
+                if self.silent_units.owes:
+                    self.silent_units.answer_waiting(now_ns)
                 chosen = self._choose(now_ns)
             elif not self._waiting.only_others:
                 self._start(self._waiting.pop(), now_ns)
@@ -1087,24 +1085,24 @@ class LineExchange:
             if rests_until_ns is not None and (is_late or self.rest.keeps_stops):
                 from_ns = max(from_ns, rests_until_ns, now_ns + 1)
             if is_late:
-                free_ns = self.answers.free_ns(unit_id, now_ns, is_read=False, is_stop=True)
+                free_ns = self.silent_units.free_ns(unit_id, now_ns, is_read=False, is_stop=True)
                 from_ns = max(from_ns, free_ns)
             return from_ns
         if transaction.is_denied or transaction.why_given_up(now_ns):
             return now_ns
-        if self._is_answered_for(transaction, now_ns):
+        if self.silent_units.is_answered_for(transaction, now_ns):
             return now_ns
         if transaction.is_odd:
-            dead = self._dead(unit_id)
+            dead = self.silent_units.dead(unit_id)
             if dead is not None and dead.odd_due_ns > now_ns:
                 return dead.odd_due_ns
-        free_ns = self.answers.free_ns(unit_id, now_ns, is_read=transaction.only_reads)
+        free_ns = self.silent_units.free_ns(unit_id, now_ns, is_read=transaction.only_reads)
         # Then it is withdrawn, and keeps back nothing that waits behind it.
         return min(free_ns, transaction.given_up_ns + 1)
 
     def _stop_from_ns(self, stop: Transaction) -> int:
         """Return from when on a stop may leave: the same stop to a silent unit starves nobody."""
-        silence = self.answers.silences.get(stop.unit_id)
+        silence = self.silent_units.silences.get(stop.unit_id)
         if silence is None:
             return 0
         if silence.turns and any(
@@ -1113,29 +1111,10 @@ class LineExchange:
             return HAS_NO_TURN if stop.pdu in silence.stops else 0
         return 0 if stop.stopping is Stopping.AGAIN else silence.stops.get(stop.pdu, 0)
 
-    # --- dead units ------------------------------------------------------------------------------------
-
-    def _dead(self, unit_id: int) -> Silence | None:
-        """Return the silence because of which a unit id is not asked; None: it is."""
-        return self.answers.dead(self._units.partners(unit_id)) if self.answers.silences else None
-
-    def _is_answered_for(self, transaction: Transaction, now_ns: int) -> bool:
-        """Whether a request is answered by the gateway because its drive, or one of its group, is dead."""
-        dead = self._dead(transaction.unit_id)
-        if dead is None:
-            return False
-        due_ns = dead.due_for(is_odd=transaction.is_odd)
-        if now_ns >= due_ns:
-            return False
-        # One that came over a serial port waits, for nothing of its controller waits behind it.
-        port = transaction.port
-        waits = transaction.is_odd and port is not None and port.ends_by_silence
-        return not waits or due_ns > transaction.leave_by_ns
-
     def _is_answered_at_once(self, transaction: Transaction, now_ns: int) -> bool:
         """The same of one that comes now: with the next link a dead drive may be asked again."""
         is_asked_again = not self.is_up and LINK_LOSS[self.link_state.loss].reach is Reached.ASKED_AGAIN
-        return not is_asked_again and self._is_answered_for(transaction, now_ns)
+        return not is_asked_again and self.silent_units.is_answered_for(transaction, now_ns)
 
     def _is_behind(self, port: ControllerPort) -> bool:
         """Whether a controller is owed another answer first."""
@@ -1143,106 +1122,13 @@ class LineExchange:
             self._transactions.current is not None and self._transactions.current.port is port
         ) or self._waiting.has(port)
 
-    def _answer_for_dead(self, transaction: Transaction, now_ns: int) -> None:
-        """Answer in the place of a drive that is not asked: that counts as unanswered (W11)."""
-        answer = Answer.BACK_OFF
-        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
-        if transaction.unit_id == BROADCAST_UNIT_ID:
-            return
-        axes = self._units.axes_of(transaction.unit_id)
-        for axis in axes:
-            axis.fall_silent(now_ns, now_ns)
-        self._report(axes)
-
-    def _is_too_late(self, transaction: Transaction, now_ns: int) -> bool:
-        """Whether a request is answered by the gateway because it could only leave too late (W6).
-
-        That is what waits for the late frames of its own unit id: not of another one, nor for the rest of
-        the line. No stop, no read of the gateway's own, and nothing that may be a trial of a dead unit.
-        """
-        unit_id = transaction.unit_id
-        if not self.answers.owes_of(unit_id) or transaction.port is None or transaction.is_stop:
-            return False
-        leave_by_ns, is_read = transaction.leave_by_ns, transaction.only_reads
-        is_too_late = self.answers.is_too_late(unit_id, now_ns, leave_by_ns, is_read=is_read)
-        return is_too_late and self._dead(unit_id) is None
-
-    def _answer_unasked(self, transaction: Transaction, now_ns: int) -> None:
-        """Answer in the place of a drive that was not asked: nothing is learned of it from that."""
-        self.answers.note_unasked(transaction.unit_id)
-        answer = Answer.TOO_LATE
-        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
-
-    def _answer_waiting(self, now_ns: int) -> None:
-        """Answer what waits for a unit that is dead now, or only to leave too late.
-
-        In the order of each controller.
-        """
-        behind: set[int] = set()
-        for transaction in tuple(self._waiting):
-            port = transaction.port
-            if transaction.is_stop or port is None or id(port) in behind:
-                continue
-            is_denied = transaction.is_denied or bool(transaction.why_given_up(now_ns))
-            if is_denied:
-                behind.add(id(port))
-            elif self._is_answered_for(transaction, now_ns):
-                self._waiting.take(transaction)
-                self._answer_for_dead(transaction, now_ns)
-            elif self._is_too_late(transaction, now_ns):
-                self._waiting.take(transaction)
-                self._answer_unasked(transaction, now_ns)
-            else:
-                behind.add(id(port))
-
-    def _try_dead(self, transaction: Transaction, dead: Silence, now_ns: int) -> bool:
-        """Take a request for the trial of a dead unit; return whether nothing else is to be done with it now.
-
-        Where it might move something a read goes first, if one is allowed: nobody knows what the drive was
-        through. For a drive of which nothing may be read the request itself is the trial.
-        """
-        if now_ns < dead.due_for(is_odd=transaction.is_odd):
-            self._answer_for_dead(transaction, now_ns)
-            return True
-        axes = self._units.axes_of(dead.unit_id)
-        is_own = transaction.unit_id == dead.unit_id
-        read = None
-        if not is_own or is_acting_on(self._units, transaction, axes):
-            read = trial_read(axes)
-        if read is None and not is_own:
-            self._answer_for_dead(transaction, now_ns)
-            return True
-        dead.try_again(now_ns)
-        if read is not None:
-            transaction.need(read)
-            self._put_on_wire(transaction, read.pdu, dead.unit_id, now_ns)
-            return True
-        for axis in axes:
-            axis.end_silence(is_answer=False, until_ns=now_ns)
-        return False
-
     # --- stops to silent units -------------------------------------------------------------------------
 
     def _is_early(self, stop: Transaction, now_ns: int) -> bool:
         """Whether a late frame may come in the place of the reply to a stop, or meet it on the wire."""
         if stop.waits_for_silence or not self._link.is_serial:
             return False
-        return self.rest.is_draining or self.answers.free_ns(stop.unit_id, now_ns, is_read=False) > 0
-
-    def _thin_out(self, stop: Transaction, now_ns: int) -> None:
-        """Of a stop that its drive does not answer the newest of each controller waits, for all before it."""
-        newest: dict[int, Transaction] = {}
-        older = []
-        for each in self._waiting:
-            if each.is_same_stop(stop):
-                before = newest.get(id(each.port))
-                newest[id(each.port)] = each
-                if before is not None:
-                    older.append(before)
-                    self._transactions.replace(before, each)
-        for each in older:
-            self._waiting.take(each)
-            self._answer_for_dead(each, now_ns)
+        return self.rest.is_draining or self.silent_units.free_ns(stop.unit_id, now_ns, is_read=False) > 0
 
     def _send_once_more(self, stop: Transaction, now_ns: int) -> None:
         """End a stop that left early and was not answered; its controller waits for the next one.
@@ -1270,7 +1156,7 @@ class LineExchange:
             self._overtaken(transaction, transaction.overtaken_by, now_ns)
         elif transaction.is_held_up and self._has_waited_too_long(transaction, now_ns):
             self._refuse_absent(transaction, now_ns)
-        elif transaction.port is None and self._is_answered_for(transaction, now_ns):
+        elif transaction.port is None and self.silent_units.is_answered_for(transaction, now_ns):
             self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns)
         elif transaction.port is None:
             self._put_on_wire(transaction, transaction.pdu, transaction.unit_id, now_ns)
@@ -1278,10 +1164,14 @@ class LineExchange:
             self._start_request(transaction, now_ns)
 
     def _start_request(self, transaction: Transaction, now_ns: int) -> None:
-        if self.answers.silences and not transaction.is_stop:
-            dead = self._dead(transaction.unit_id)
-            if dead is not None and self._try_dead(transaction, dead, now_ns):
-                return
+        if self.silent_units.silences and not transaction.is_stop:
+            dead = self.silent_units.dead(transaction.unit_id)
+            if dead is not None:
+                if not self.silent_units.tries(transaction, dead, now_ns):
+                    return
+                if transaction.added is not None:
+                    self._put_on_wire(transaction, transaction.added.pdu, dead.unit_id, now_ns)
+                    return
         if transaction.known is None and not self._deadlines.may_be_late(transaction, now_ns):
             path = self._units.path_of(transaction.unit_id, transaction.pdu)
             sent_pdu = None if path is None else path.sent(transaction, now_ns)
@@ -1294,7 +1184,7 @@ class LineExchange:
         if transaction.unit_id not in self._units and self._units.aliases.is_unknown(transaction.unit_id):
             self._note_unknown_unit(transaction.unit_id)
             if transaction.port is not None:
-                self.answers.askers.add((transaction.port.plan.name, transaction.unit_id))
+                self.silent_units.askers.add((transaction.port.plan.name, transaction.unit_id))
         if not self._ownership.may_move(transaction, now_ns):
             self._refuse(transaction, ExceptionCode.SERVER_DEVICE_BUSY, now_ns)
             return
@@ -1335,15 +1225,12 @@ class LineExchange:
         """Send a frame: the request itself, or one of the gateway's own."""
         patience_ns = self._response_timeout_ns
         port = transaction.port
-        if port is not None and port.patience_ns > patience_ns and transaction.added is None:
-            # A read that tries a dead drive (W11) keeps the others waiting no longer than a drive may take.
-            is_read = bool(self.answers.silences) and transaction.only_reads
-            if is_read and self.answers.is_missed(unit_id) and now_ns > transaction.leave_by_ns:
-                patience_ns = max(patience_ns, transaction.given_up_ns - now_ns)  # the same, if it left late
-            elif not (is_read and self.answers.dead((unit_id,)) is not None):
-                patience_ns = port.patience_ns
-        if port is not None and self.answers.silences and not transaction.is_stop:
-            self.answers.had_turn(id(port))
+        if self.silent_units.silences:
+            patience_ns = self.silent_units.patience_ns(transaction, unit_id, now_ns, patience_ns)
+        elif port is not None and port.patience_ns > patience_ns and transaction.added is None:
+            patience_ns = port.patience_ns
+        if port is not None and self.silent_units.silences and not transaction.is_stop:
+            self.silent_units.had_turn(id(port))
         if transaction.is_stop and self._is_early(transaction, now_ns):
             self._transactions.stop_goes_on(transaction, StopEvent.LEAVES_EARLY)
         if self._holds and transaction.is_stop:
@@ -1362,7 +1249,7 @@ class LineExchange:
         """See ``LeadingLine``: what would go out at once, if all of it had come."""
         if self._transactions.current is not None or not self.is_up or self.rest.until_ns is not None:
             return False
-        if self.answers.silences or self._is_stopping or not self._waiting.only_others:
+        if self.silent_units.silences or self._is_stopping or not self._waiting.only_others:
             return False
         return port.is_motion and port.gate is None and self._link.may_lead(now_ns)
 
@@ -1518,17 +1405,16 @@ class LineExchange:
         self.counters.timeouts += 1
         unit_id = transaction.wire_unit_id
         if transaction.port is not None:
-            self.answers.askers.add((transaction.port.plan.name, unit_id))
+            self.silent_units.askers.add((transaction.port.plan.name, unit_id))
         if self._link.connects:
             self._miss(transaction)
-        silence, has_died = self.answers.miss(unit_id, transaction.sent_ns, now_ns)
+        silence, has_died = self.silent_units.miss(unit_id, transaction.sent_ns, now_ns)
         if silence.timeouts == 1:
             self._on_event(Event(EventKind.DRIVE_SILENT, None, self._unanswered_by(unit_id)))
         if self._units.have_rules and self._units.stops_of(self._units.frames_of(transaction)):
             others = {id(each.port) for each in self._waiting if each.port not in (None, transaction.port)}
-            self.answers.miss_stop(unit_id, transaction.pdu, others, now_ns)
-            if self.answers.backs_off:
-                self._thin_out(transaction, now_ns)
+            self.silent_units.miss_stop(unit_id, transaction.pdu, others, now_ns)
+            self.silent_units.thin_out(transaction, now_ns)
         if transaction.stopping is Stopping.EARLY:
             self._send_once_more(transaction, now_ns)
         else:
@@ -1537,7 +1423,7 @@ class LineExchange:
         for axis in axes:
             axis.fall_silent(transaction.sent_ns, now_ns)
         self._report(axes)
-        if has_died and self.answers.backs_off:
+        if has_died and self.silent_units.backs_off:
             self._on_event(Event(EventKind.DRIVE_BACKED_OFF, None, self._unanswered_by(unit_id)))
-            self._answer_waiting(now_ns)
+            self.silent_units.answer_waiting(now_ns)
         self._gaps.ended(transaction, now_ns, silence.quiet_ns or None)

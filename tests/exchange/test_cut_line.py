@@ -454,7 +454,7 @@ def test_what_would_not_go_out_at_once_is_stored(what: str) -> None:
     elif what == "resting":
         line.line.rest.drain(line.bench.now_ns)
     elif what == "silent":
-        line.line.answers.miss(1, line.bench.now_ns, line.bench.now_ns)
+        line.line.silent_units.miss(1, line.bench.now_ns, line.bench.now_ns)
     elif what == "stopping":
         line.line.stop(line.bench.now_ns)
     elif what == "link":

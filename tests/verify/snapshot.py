@@ -723,7 +723,7 @@ def refused(line: LineExchange) -> int:
 
 def is_resting(line: LineExchange) -> bool:
     """Whether a line, or the drive on it that was silent last, falls silent before anything else leaves."""
-    return line.rest.until_ns is not None or line.answers.owes
+    return line.rest.until_ns is not None or line.silent_units.owes
 
 
 def stopping_of(line: LineExchange) -> Stopping:
