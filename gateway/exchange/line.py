@@ -29,7 +29,6 @@ from gateway.exchange.added_frames import (
     trial_read,
 )
 from gateway.exchange.admission import NO_ROOM, Admission, judge, role_denial
-from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.axis_request import SteadyTarget
@@ -43,7 +42,7 @@ from gateway.exchange.cut_line import CutLine, LeadingLine, Wire
 from gateway.exchange.cut_requests import leave_on
 from gateway.exchange.cut_through import Turn
 from gateway.exchange.deadlines import Deadlines
-from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on, moves_one_of
+from gateway.exchange.dispatch import REMEMBERED_PATHS, Units
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.gate import Denial
 from gateway.exchange.link_loss import CLOSES_SOON_NS, LINK_LOSS, LinkLoss, Reached
@@ -73,6 +72,7 @@ from gateway.exchange.transaction import (
     Transactions,
     outcome_of_reply,
 )
+from gateway.exchange.turns import HAS_NO_TURN, Turns
 from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.lengths import is_odd_request
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, EXCEPTION_BIT, MAX_PDU, ExceptionCode, is_exception
@@ -82,16 +82,12 @@ ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
 EXCEPTION: Final = Outcome.EXCEPTION
 FRAME: Final = Step.FRAME
 ADDED_FRAME: Final = Step.ADDED_FRAME
-HAS_NO_TURN: Final = 1 << 62
-"""Instant of what waits for somebody else's turn and not for time."""
 WANTED_AGAIN_NS: Final = 100 * NS_PER_MS
 """So often a connection is asked for while something waits for it."""
 ON_DEMAND_NS: Final = NS_PER_S
 """A connection on demand is closed after as long without an answer."""
 LOOKED_AGAIN_NS: Final = 100 * NS_PER_MS
 """So often it is looked whether a connection can be closed, from when on it is to be."""
-FULL_ECHOES: Final = frozenset({0x05, 0x06, 0x16})
-"""Function codes whose reply repeats the whole request: no other one has the same."""
 NO_UNIT_ID: Final = -1
 ON_THE_WIRE: Final = "a request that may move it is on the wire; let it arrive at a target, and reload again"
 REFUSALS_TOLD: Final = 10
@@ -146,10 +142,6 @@ class LineExchange:
         self._renewal = Renewal(
             self._response_timeout_ns, longest_lost_ns([axis.plan.lost_ms for axis in self.axes])
         )
-        self._holds = False
-        """Whether the connection carries less than everything (``renewal.Held``)."""
-        self._early_stops: list[Transaction] = []
-        """Stops that left meanwhile: what they stop may be executed after them, and they go once more."""
         self._delay_ns = int(timing.connect_delay_ms * NS_PER_MS)
         self._on_demand = timing.connects_on_demand and link.connects
         self._longest_ns = int(timing.max_connection_s * NS_PER_S) * link.connects
@@ -167,9 +159,16 @@ class LineExchange:
         )
         self._refusals: Reports[tuple[str, str]] = Reports(NS_PER_S, REFUSALS_TOLD, others=others_of_pairs)
         self._arrived_ns = 0
-        self._gaps = Gaps(timing)
-        self._waits_until_ns: int | None = None
-        """When something that waits may go: a monitor's, or what waits for late frames."""
+        self._turns = Turns(
+            timing,
+            self._units,
+            self._waiting,
+            self._transactions,
+            self.silent_units,
+            rest=self.rest,
+            renewal=self._renewal,
+            is_serial=link.is_serial,
+        )
         self.meter = LineMeter(self.axes, link, on_event, what_ran)
         self._deadlines = Deadlines(self.axes, self._units, self.counters, on_event)
         self.cuts: CutLine | None = None
@@ -195,8 +194,8 @@ class LineExchange:
         """When :meth:`tick` wants to be called; a few milliseconds late does no harm."""
         if self._transactions.current is not None:
             return self._transactions.current.deadline_ns
-        rests_until_ns, waits_until_ns = self.rest.until_ns, self._waits_until_ns
-        if not self.is_up or self._closes_ns or self._holds:
+        rests_until_ns, waits_until_ns = self.rest.until_ns, self._turns.waits_until_ns
+        if not self.is_up or self._closes_ns or self._renewal.holds:
             due_ns = self._link_due_ns()
             if due_ns < HAS_NO_TURN and (waits_until_ns is None or due_ns < waits_until_ns):
                 waits_until_ns = due_ns
@@ -313,13 +312,13 @@ class LineExchange:
             self._answer_as_own(transaction, why_given_up, now_ns)
             return
         is_motion = port.is_motion
-        if is_motion and self._gaps.is_watching and not self._is_moving:
-            self._gaps.motion_came(now_ns)
+        if is_motion and self._turns.gaps.is_watching:
+            self._turns.note_motion(now_ns)
         is_free = (
             self._transactions.current is None
             and self.rest.until_ns is None
             and not self.silent_units.silences
-            and not self._holds
+            and not self._renewal.holds
         )
         if why_given_up and not (self.is_up and self._units.stops_of(self._units.frames_of(transaction))):
             self._withdraw(transaction, why_given_up, now_ns)
@@ -355,7 +354,7 @@ class LineExchange:
         elif self.silent_units.is_too_late(transaction, now_ns) and not self._is_behind(port):
             self.silent_units.answer_unasked(transaction, now_ns)
         else:
-            self._gaps.is_watching |= not transaction.is_motion
+            self._turns.gaps.is_watching |= not transaction.is_motion
             if self._is_held_up:
                 transaction.hold_up()
             is_behind = self._waiting.has(port)
@@ -376,36 +375,15 @@ class LineExchange:
             self._admission.refuse(transaction, denial, now_ns)
 
     def _overtake(self, stop: Transaction, stops: list[Meaning], now_ns: int) -> None:
-        """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3).
-
-        So it does with axes whose targets the same frame writes: their triggers were meant for those before.
-        And with those whose targets it runs: it would run the ones before.
-        """
-        if self._transactions.current is not None and self._transactions.current.phase is Phase.LEAVING:
-            self._spoil(self._transactions.current, Turn.OVERTAKEN, now_ns)
-        axes = [meaning.axis for meaning in stops]
-        axes += self._units.given_targets(self._units.frames_of(stop))
-        reason = "a stop of its axis came after it"
-        acts = self._waiting.withdraw(
-            lambda each: not each.is_denied and is_acting_on(self._units, each, axes)
-        )
-        for transaction in acts:
-            self._overtaken(transaction, reason, now_ns)
+        """Put a stop at the head of the queue, before everything that it overtakes (M3)."""
         current = self._transactions.current
-        if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
-            current.overtake(reason)
-        only_stops = self._units.only_stops(self._units.frames_of(stop))
-        event = StopEvent.FOUND if only_stops else StopEvent.FOUND_WITH_MORE
-        self._transactions.stop_goes_on(stop, event)
+        if current is not None and current.phase is Phase.LEAVING:
+            self._spoil(current, Turn.OVERTAKEN, now_ns)
+        self._turns.overtake(stop, stops, now_ns)
         if not self.is_up or self.rest.is_opening:
             stop.hold_up()
-        for before in self._waiting.withdraw(lambda each: each.is_same_stop(stop) and each.is_orphan):
-            self._transactions.replace(before, stop)
-        if not self._waiting.add_stop(stop):  # the same stop waits already, many times
-            busy = ExceptionCode.SERVER_DEVICE_BUSY
-            self._refuse(stop, busy, now_ns, loss=None)
-        elif self._stop_from_ns(stop) > now_ns:
-            self.silent_units.thin_out(stop, now_ns)
+        if not self._turns.add_stop(stop, now_ns):
+            self._refuse(stop, ExceptionCode.SERVER_DEVICE_BUSY, now_ns, loss=None)
         self._next(now_ns)
 
     def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
@@ -477,15 +455,15 @@ class LineExchange:
             self._renewal.hear()
             self.counters.oversized += 1
             self._end_unanswered(transaction, now_ns)
-            self._gaps.ended(transaction, now_ns)
+            self._turns.gaps.ended(transaction, now_ns)
             self._next(now_ns)
             return
-        if transaction.stopping is Stopping.EARLY and not self._is_answer(transaction, pdu):
+        if transaction.stopping is Stopping.EARLY and not self._turns.is_answer(transaction, pdu):
             self._renewal.hear()
             self.silent_units.disturb(unit_id, now_ns)
             self.silent_units.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
             self._transactions.current = None
-            self._send_once_more(transaction, now_ns)
+            self._turns.go_again(transaction, now_ns)
             self._report(self._units.axes_of(unit_id))
             self._next(now_ns)
             return
@@ -521,11 +499,11 @@ class LineExchange:
             self.meter.note(transaction, transaction.port, pdu, now_ns)
         if cuts is not None:
             cuts.note(transaction, pdu, turned, now_ns)
-        if self._gaps.is_watching:
-            self._gaps.ended(transaction, now_ns)
+        if self._turns.gaps.is_watching:
+            self._turns.gaps.ended(transaction, now_ns)
         if axes:
             self._report(axes)
-        if self._waiting.total or self._holds:
+        if self._waiting.total or self._renewal.holds:
             self._next(now_ns)
 
     def _take_reply(self, transaction: Transaction, pdu: bytes, now_ns: int) -> tuple[Axis, ...]:
@@ -550,7 +528,7 @@ class LineExchange:
         """Take note of the reply to a frame of the gateway's own, and go on with what it was for."""
         frame = transaction.added
         assert frame is not None
-        if self._holds and frame.rendering is None:
+        if self._renewal.holds and frame.rendering is None:
             self._renewal.answered(now_ns)
         if transaction.port is None:
             self.counters.added_reads += 1
@@ -570,7 +548,7 @@ class LineExchange:
         elif self._waiting.has_stops and not transaction.overtaken_by:
             transaction.begin_anew()
             self._waiting.put_back(transaction)
-        elif self.rest.is_closing or self._holds:  # it is not sent into a connection that closes
+        elif self.rest.is_closing or self._renewal.holds:  # it is not sent into a connection that closes
             self._waiting.put_back(transaction)
         else:
             self._start(transaction, now_ns)
@@ -600,21 +578,6 @@ class LineExchange:
         why = "the drive refused the staged target when it was written anew"
         frame.axis.lose_restaged(rendering, code, why)
         return code
-
-    def _is_answer(self, stop: Transaction, reply: bytes) -> bool:
-        """Whether a reply to a stop that left early ends it: a late one may come in its place.
-
-        What waited for the silence before it came may move its axis yet: then it goes once more behind that.
-        """
-        unit_id, pdu = stop.unit_id, stop.pdu
-        axes = [meaning.axis for meaning in self._units.stops_of(self._units.frames_of(stop))]
-        for each in self._waiting.stops:
-            if each.stopping is Stopping.ONCE and moves_one_of(self._units, each, axes):
-                return False
-        if pdu[0] in FULL_ECHOES:
-            return reply == pdu
-        # Of several registers only their addresses come back, as they do for any other write there.
-        return reply == pdu[:5] and not (self.rest.is_draining or self.silent_units.owes_of(unit_id))
 
     def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
         """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6).
@@ -785,7 +748,7 @@ class LineExchange:
     @property
     def _is_held_up(self) -> bool:
         """Whether requests wait for the link, or for what it was made anew for."""
-        return not self.is_up or self._holds or self.rest.is_opening
+        return not self.is_up or self._renewal.holds or self.rest.is_opening
 
     def _link_due_ns(self) -> int:
         """Return when something of the link is due: how long it is down, or whether it is to be closed."""
@@ -804,11 +767,8 @@ class LineExchange:
             if told:
                 self._on_event(Event(EventKind.LINE_DOWN, None, told))
             return
-        if self._holds:
-            self._renewal.settle(now_ns)
-            self._holds = self._renewal.held is not Held.NOTHING
-            if not self._holds:
-                self._stop_once_more()
+        if self._renewal.holds and self._renewal.settle(now_ns):
+            self._turns.release_stops()
         if self._closes_ns and now_ns >= self._closes_ns:
             self._close_at_rest(now_ns)
 
@@ -818,7 +778,7 @@ class LineExchange:
         is_idle = (
             self._transactions.current is None and not self._waiting.total and not self.silent_units.silences
         )
-        is_idle = is_idle and self.rest.until_ns is None and not self._holds
+        is_idle = is_idle and self.rest.until_ns is None and not self._renewal.holds
         if self._on_demand and now_ns < idle_ns:
             self._closes_ns = idle_ns
         elif not is_idle or not self._are_at_rest(now_ns):
@@ -831,21 +791,6 @@ class LineExchange:
     def _are_at_rest(self, now_ns: int) -> bool:
         """Whether nothing is under way, streamed, unproven or staged on any axis."""
         return all(is_at_rest(axis, self.link_state.up_ns, now_ns) for axis in self.axes)
-
-    def _note_early(self, stop: Transaction) -> None:
-        """Take note of a stop that leaves while writes are held, unless it does more than stop."""
-        is_known = any(each.is_same_stop(stop) for each in self._early_stops)
-        if stop.stopping is not Stopping.ONCE and not is_known:
-            self._early_stops.append(stop)
-
-    def _stop_once_more(self) -> None:
-        """Let the stops that left while writes were held leave once more, before any write does."""
-        stops, self._early_stops = self._early_stops, []
-        for stop in stops:
-            again = self._transactions.once_more(stop)
-            if again is not None:
-                again.give_up()  # its controller was answered
-                self._waiting.add_again(again)
 
     def _see_whether_it_closes(self, transaction: Transaction, now_ns: int) -> None:
         """Behind an answer let nothing leave that a server would not read which closes its connection.
@@ -885,13 +830,6 @@ class LineExchange:
         is_late = transaction.is_held_up and now_ns >= transaction.waits_until_ns
         return is_late and not transaction.only_reads
 
-    def _is_held(self, transaction: Transaction) -> bool:
-        """Whether the connection does not carry a request yet, because an older one may be executed."""
-        held = self._renewal.held
-        if held is Held.NOTHING or transaction.port is None or transaction.is_stop:
-            return False
-        return held is Held.ALL or not transaction.only_reads
-
     # --- connections on which nothing answers any more --------------------------------------------------
 
     def _miss(self, transaction: Transaction) -> None:
@@ -921,7 +859,6 @@ class LineExchange:
     def _renew(self, now_ns: int) -> None:
         """Break the connection off and have another one made."""
         self._renewal.renew(now_ns)
-        self._holds = self._renewal.held is not Held.NOTHING
         why = "nothing has come for three time-outs, whoever was asked: another connection is made"
         self._on_event(Event(EventKind.CONNECTION_RENEWED, None, why))
         self._go_down(LinkLoss.RENEWAL, "broken off by the gateway, and not made anew", None, now_ns)
@@ -988,7 +925,7 @@ class LineExchange:
             self.link_state.closes_soon = self.link_state.has_closed_soon = False  # it stays open
         self.rest.settle(now_ns)
         self.silent_units.settle(now_ns)
-        if not self.is_up or self._closes_ns or self._holds:
+        if not self.is_up or self._closes_ns or self._renewal.holds:
             self._watch_link(now_ns)
         if is_timed_out and self.is_up and self._link.connects:
             self._consider_renewal(now_ns)
@@ -1004,112 +941,21 @@ class LineExchange:
 
     # --- sending ---------------------------------------------------------------------------------------
 
-    @property
-    def _is_moving(self) -> bool:
-        """Whether a motion transaction is on the wire or waits."""
-        current = self._transactions.current
-        return (current is not None and current.is_motion) or not self._waiting.only_others
-
     def _next(self, now_ns: int) -> None:
         """Start what waits, as long as the line is free."""
-        self._waits_until_ns = None
+        turns = self._turns
+        turns.waits_until_ns = None
         if self._is_held_up:
-            self._wake_at(self._wait_for_link(now_ns))
+            turns.wake_at(self._wait_for_link(now_ns))
             if not self.is_up:
                 return
         while self._waiting.total and self._transactions.current is None:
-            if self.rest.until_ns is not None or self.silent_units.silences or self._holds:
-                if self.silent_units.owes:
-                    self.silent_units.answer_waiting(now_ns)
-                chosen = self._choose(now_ns)
-            elif not self._waiting.only_others:
-                self._start(self._waiting.pop(), now_ns)
-                continue
-            else:
-                first = self._waiting.first_of_others()
-                chosen, self._waits_until_ns = self._gaps.choose(first, now_ns)
+            chosen = turns.next(now_ns)
             if chosen is None:
                 break
-            self._waiting.take(chosen)
             self._start(chosen, now_ns)
-        if self._holds and self._transactions.current is None and self.rest.until_ns is None:
-            self._wake_at(self._ask_held(now_ns))
-
-    def _wake_at(self, due_ns: int) -> None:
-        """See to it that what waits is looked at then, or sooner."""
-        due_ns = min(due_ns, self._waits_until_ns or HAS_NO_TURN)
-        self._waits_until_ns = None if due_ns == HAS_NO_TURN else due_ns
-
-    def _choose(self, now_ns: int) -> Transaction | None:
-        """Return what may go now although the line rests or somebody is silent; None: nothing may.
-
-        Requests of one controller keep their order; its stops wait for none of them.
-        """
-        until_ns = HAS_NO_TURN
-        held: set[int] = set()
-        others: list[Transaction] = []
-        rests = self.rest.until_ns is not None
-        for transaction in self._waiting.stops if rests else self._waiting:
-            port = transaction.port
-            is_in_order = port is not None and not transaction.is_stop
-            if is_in_order and id(port) in held:
-                continue
-            if self._holds and self._is_held(transaction):
-                held.add(id(port))
-                continue
-            from_ns = self._from_ns(transaction, now_ns)
-            if from_ns <= now_ns and (port is None or port.is_motion or transaction.is_stop):
-                return transaction
-            if from_ns <= now_ns:
-                others.append(transaction)
-            else:
-                until_ns = min(until_ns, from_ns)
-            if is_in_order:
-                held.add(id(port))
-        chosen: Transaction | None = None
-        if others:
-            chosen, monitor_due_ns = self._gaps.choose(others, now_ns)
-            if monitor_due_ns is not None:
-                until_ns = min(until_ns, monitor_due_ns)
-        self._wake_at(until_ns)
-        return chosen
-
-    def _from_ns(self, transaction: Transaction, now_ns: int) -> int:
-        """Return from when on something that waits may be started, be it to end at once."""
-        unit_id = transaction.unit_id
-        if transaction.is_stop:
-            rests_until_ns = self.rest.until_ns
-            from_ns = self._stop_from_ns(transaction)
-            is_late = transaction.waits_for_silence
-            from_ns = max(from_ns, self.rest.spoilt_until_ns, self.rest.opened_until_ns)
-            if rests_until_ns is not None and (is_late or self.rest.keeps_stops):
-                from_ns = max(from_ns, rests_until_ns, now_ns + 1)
-            if is_late:
-                free_ns = self.silent_units.free_ns(unit_id, now_ns, is_read=False, is_stop=True)
-                from_ns = max(from_ns, free_ns)
-            return from_ns
-        if transaction.is_denied or transaction.why_given_up(now_ns):
-            return now_ns
-        if self.silent_units.is_answered_for(transaction, now_ns):
-            return now_ns
-        if transaction.is_odd:
-            dead = self.silent_units.dead(unit_id)
-            if dead is not None and dead.odd_due_ns > now_ns:
-                return dead.odd_due_ns
-        free_ns = self.silent_units.free_ns(unit_id, now_ns, is_read=transaction.only_reads)
-        # Then it is withdrawn, and keeps back nothing that waits behind it.
-        return min(free_ns, transaction.given_up_ns + 1)
-
-    def _stop_from_ns(self, stop: Transaction) -> int:
-        """Return from when on a stop may leave: the same stop to a silent unit starves nobody."""
-        silence = self.silent_units.silences.get(stop.unit_id)
-        if silence is None:
-            return 0
-        if silence.turns and any(
-            id(each.port) in silence.turns for each in self._waiting if not each.is_stop
-        ):
-            return HAS_NO_TURN if stop.pdu in silence.stops else 0
-        return 0 if stop.stopping is Stopping.AGAIN else silence.stops.get(stop.pdu, 0)
+        if self._renewal.holds and self._transactions.current is None and self.rest.until_ns is None:
+            turns.wake_at(self._ask_held(now_ns))
 
     def _is_answered_at_once(self, transaction: Transaction, now_ns: int) -> bool:
         """The same of one that comes now: with the next link a dead drive may be asked again."""
@@ -1122,28 +968,6 @@ class LineExchange:
             self._transactions.current is not None and self._transactions.current.port is port
         ) or self._waiting.has(port)
 
-    # --- stops to silent units -------------------------------------------------------------------------
-
-    def _is_early(self, stop: Transaction, now_ns: int) -> bool:
-        """Whether a late frame may come in the place of the reply to a stop, or meet it on the wire."""
-        if stop.waits_for_silence or not self._link.is_serial:
-            return False
-        return self.rest.is_draining or self.silent_units.free_ns(stop.unit_id, now_ns, is_read=False) > 0
-
-    def _send_once_more(self, stop: Transaction, now_ns: int) -> None:
-        """End a stop that left early and was not answered; its controller waits for the next one.
-
-        Where that has given up on it and the same stop waits already, that one is the next.
-        """
-        if not (stop.is_orphan and any(each.is_same_stop(stop) for each in self._waiting)):
-            self._wait_again(stop)
-        self._transactions.finish(stop, Outcome.NO_REPLY, now_ns, code=NO_RESPONSE)
-
-    def _wait_again(self, stop: Transaction) -> None:
-        again = self._transactions.once_more(stop)
-        if again is not None:
-            self._waiting.add_again(again)
-
     def _start(self, transaction: Transaction, now_ns: int) -> None:
         """Send a transaction, or the frame that it needs first; or withdraw or refuse it."""
         transaction.start(now_ns)
@@ -1153,7 +977,7 @@ class LineExchange:
         elif transaction.is_denied:
             self._admission.refuse(transaction, self._admission.denial_of_waiting(transaction), now_ns)
         elif transaction.overtaken_by:
-            self._overtaken(transaction, transaction.overtaken_by, now_ns)
+            self._turns.end_overtaken(transaction, transaction.overtaken_by, now_ns)
         elif transaction.is_held_up and self._has_waited_too_long(transaction, now_ns):
             self._refuse_absent(transaction, now_ns)
         elif transaction.port is None and self.silent_units.is_answered_for(transaction, now_ns):
@@ -1231,10 +1055,10 @@ class LineExchange:
             patience_ns = port.patience_ns
         if port is not None and self.silent_units.silences and not transaction.is_stop:
             self.silent_units.had_turn(id(port))
-        if transaction.is_stop and self._is_early(transaction, now_ns):
+        if transaction.is_stop and self._turns.is_early(transaction, now_ns):
             self._transactions.stop_goes_on(transaction, StopEvent.LEAVES_EARLY)
-        if self._holds and transaction.is_stop:
-            self._note_early(transaction)
+        if self._renewal.holds and transaction.is_stop:
+            self._turns.note_early(transaction)
         is_broadcast = unit_id == BROADCAST_UNIT_ID and self._link.is_serial
         if self.cuts is not None and not is_broadcast:
             self.cuts.reply.expect(transaction)
@@ -1255,8 +1079,8 @@ class LineExchange:
 
     def _lead(self, port: ControllerPort, expected: bytes, now_ns: int) -> Transaction | None:
         """See ``LeadingLine``. Whatever comes meanwhile waits, as for one that has left (W6)."""
-        if self._gaps.is_watching and not self._is_moving:
-            self._gaps.motion_came(now_ns)
+        if self._turns.gaps.is_watching:
+            self._turns.note_motion(now_ns)
         transaction = Transaction(port, 0, expected[0], expected[1:], now_ns)
         return transaction if self._transactions.begin(transaction) else None
 
@@ -1298,7 +1122,7 @@ class LineExchange:
         assert transaction is not None
         self._end_leaving(transaction, now_ns)
         self.rest.spoil(until_ns)
-        self._gaps.ended(transaction, now_ns, until_ns)
+        self._turns.gaps.ended(transaction, now_ns, until_ns)
         self._next(now_ns)
 
     def _end_reply(self, why: Turn, now_ns: int) -> None:
@@ -1319,9 +1143,9 @@ class LineExchange:
         """Give the drives time to obey what all of them heard, and none of them answers."""
         self.counters.broadcasts += 1
         self.rest.turn_around(now_ns)
-        self._gaps.ended(transaction, now_ns, self.rest.until_ns)
+        self._turns.gaps.ended(transaction, now_ns, self.rest.until_ns)
         if transaction.stopping is Stopping.EARLY:
-            self._wait_again(transaction)
+            self._turns.wait_again(transaction)
         self._transactions.finish(transaction, Outcome.BROADCAST, now_ns)
         self._report(self.axes)
 
@@ -1367,13 +1191,6 @@ class LineExchange:
             transaction, Outcome.NEVER_SENT, now_ns, code=LOST, withdrawn=why, loss=Loss.WITHDRAWN
         )
 
-    def _overtaken(self, transaction: Transaction, why: str, now_ns: int) -> None:
-        """Withdraw what a stop has overtaken; its controller still waits, and is told (M3)."""
-        code = ExceptionCode.SERVER_DEVICE_BUSY
-        self._transactions.finish(
-            transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, withdrawn=why
-        )
-
     def _end_unanswered(self, transaction: Transaction, now_ns: int) -> None:
         """End what is on the wire, and will not be answered any more."""
         outcome, frame = Outcome.NO_REPLY, transaction.added
@@ -1416,7 +1233,7 @@ class LineExchange:
             self.silent_units.miss_stop(unit_id, transaction.pdu, others, now_ns)
             self.silent_units.thin_out(transaction, now_ns)
         if transaction.stopping is Stopping.EARLY:
-            self._send_once_more(transaction, now_ns)
+            self._turns.go_again(transaction, now_ns)
         else:
             self._end_unanswered(transaction, now_ns)
         axes = self._units.axes_of(unit_id)
@@ -1426,4 +1243,4 @@ class LineExchange:
         if has_died and self.silent_units.backs_off:
             self._on_event(Event(EventKind.DRIVE_BACKED_OFF, None, self._unanswered_by(unit_id)))
             self.silent_units.answer_waiting(now_ns)
-        self._gaps.ended(transaction, now_ns, silence.quiet_ns or None)
+        self._turns.gaps.ended(transaction, now_ns, silence.quiet_ns or None)
