@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Final, TypeVar
 
-from gateway.exchange.answers import REACH_AFTER, Reach, Sign
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.interlock import BLOCK_AFTER, Block, BlockEvent
 from gateway.exchange.axis.motion import (
@@ -24,7 +23,8 @@ from gateway.exchange.axis.reference import (
     ReferenceState,
 )
 from gateway.exchange.plan import Reference
-from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, STOP_AFTER, Phase, Stopping, Transaction
+from gateway.exchange.silent_units import REACH_AFTER, Reach, Sign
+from gateway.exchange.transaction import PHASE_AFTER, STOP_AFTER, Phase, Step, StopEvent, Stopping
 from tools.diagram import ANY, Arrows, Box, Layout, LayoutError, Route, drawn
 from tools.markers import table
 
@@ -35,19 +35,6 @@ Event = TypeVar("Event", bound=Enum)
 
 GROUPS: Final[Mapping[str, frozenset[MotionState]]] = {"targeted": TARGETED, "was there": WAS_THERE}
 """States from which an event often leads to the same one: the picture has a frame around each."""
-STEPS: Final[Mapping[tuple[Phase, Phase], str]] = {
-    (Phase.WAITING, Phase.PREREQUISITE): "leave",
-    (Phase.WAITING, Phase.SENT): "leave",
-    (Phase.LEAVING, Phase.SENT): "leave",
-    (Phase.WAITING, Phase.LEAVING): "lead",
-    (Phase.PREREQUISITE, Phase.WAITING): "learn",
-    (Phase.WAITING, Phase.ENDED): "end",
-    (Phase.PREREQUISITE, Phase.ENDED): "end",
-    (Phase.LEAVING, Phase.ENDED): "end",
-    (Phase.SENT, Phase.ENDED): "end",
-}
-"""The method of ``Transaction`` that takes each step which ``PHASE_AFTER`` allows."""
-
 MOTION_LAYOUT: Final = Layout(
     "state-machine-motion.svg",
     "Where an axis is, and what leads from one state to another",
@@ -163,11 +150,6 @@ def meanings(enum: type[Enum]) -> dict[Enum, str]:
     return found
 
 
-def _method_meanings(found: type, names: Iterable[str]) -> dict[str, str]:
-    methods = {each.name: each for each in _class(found).body if isinstance(each, ast.FunctionDef)}
-    return {name: _one_line(ast.get_docstring(methods[name]) or "") for name in names}
-
-
 def _one_line(text: str) -> str:
     return " ".join(text.split()).replace("``", "`")
 
@@ -224,57 +206,23 @@ def references() -> str:
 
 def transactions() -> str:
     """Return the phases of a transaction, what takes it from one to the next, and how it may end in each."""
-    _check_steps()
-    steps = list(dict.fromkeys(STEPS.values()))
-    rows = [
-        (
-            f"`{phase.value}`",
-            *(
-                ", ".join(f"`{then.value}`" for then in Phase if STEPS.get((phase, then)) == step)
-                for step in steps
-            ),
-        )
-        for phase in Phase
-    ]
-    ends = [
-        (
-            f"`{phase.value}`",
-            ", ".join(f"`{outcome.value}`" for outcome in Outcome if outcome in OUTCOMES[phase]) or "none",
-        )
-        for phase in Phase
-    ]
-    events = [(f"`{name}`", text) for name, text in _method_meanings(Transaction, steps).items()]
-    return "\n".join(
-        (
-            table(("phase", "means"), _rows_of(Phase)),
-            table(("step", "means"), events),
-            table(("phase", *(f"`{step}`" for step in steps)), rows),
-            table(("outcome", "means"), _rows_of(Outcome)),
-            table(("phase", "outcomes that are possible"), ends),
-        )
-    )
+    phases, after = list(Phase), flat(PHASE_AFTER)
+    parts = [table(("phase", "means"), _rows_of(Phase))]
+    for name, events in (("step", list(Step)), ("outcome", list(Outcome))):
+        parts.append(table((name, "means"), _rows_of(events)))
+        parts.append(_tables(phases, events, after, absent(PHASE_AFTER, events)))
+    return "\n".join(parts)
 
 
 def stops() -> str:
-    """Return whether a request is a stop, how often it leaves for that, and where each may lead."""
-    rows = [
-        (f"`{state.value}`", ", ".join(f"`{then.value}`" for then in Stopping if then in STOP_AFTER[state]))
-        for state in Stopping
-    ]
-    return "\n".join((table(("state", "means"), _rows_of(Stopping)), table(("state", "leads to"), rows)))
+    """Return whether a request is a stop, how often it leaves for that, and where each event leads."""
+    events = list(StopEvent)
+    return _machine(list(Stopping), events, flat(STOP_AFTER), absent(STOP_AFTER, events))
 
 
 def reaches() -> str:
     """Return how far a unit id is from answering, what is seen of it, and where that leads."""
     return _machine(list(Reach), list(Sign), REACH_AFTER)
-
-
-def _check_steps() -> None:
-    allowed = {(phase, then) for phase, after in PHASE_AFTER.items() for then in after}
-    for phase, then in allowed ^ set(STEPS):
-        raise LayoutError(
-            f"tools/state_machine.py: STEPS and PHASE_AFTER differ in {phase.value} → {then.value}"
-        )
 
 
 def _machine(
@@ -371,18 +319,6 @@ def _ends(
     return [*ends, *(str(state.value) for state in states if state in left)]
 
 
-def _phase_arrows() -> Arrows:
-    _check_steps()
-    return {
-        (str(phase.value), str(then.value)): tuple(
-            str(outcome.value) for outcome in Outcome if outcome in OUTCOMES[phase]
-        )
-        if then is Phase.ENDED
-        else (step,)
-        for (phase, then), step in STEPS.items()
-    }
-
-
 def pictures() -> dict[str, str]:
     """Return the pictures, by the names of their files.
 
@@ -393,7 +329,8 @@ def pictures() -> dict[str, str]:
     arrows = arrows_of(places, list(MotionEvent), flat(MOTION_AFTER), GROUPS)
     groups = {name: [str(state.value) for state in group] for name, group in GROUPS.items()}
     phases = [str(phase.value) for phase in Phase]
+    steps = arrows_of(list(Phase), [*Step, *Outcome], flat(PHASE_AFTER), {})
     return {
         MOTION_LAYOUT.name: drawn(MOTION_LAYOUT, [str(place.value) for place in places], groups, arrows),
-        PHASES_LAYOUT.name: drawn(PHASES_LAYOUT, phases, {}, _phase_arrows()),
+        PHASES_LAYOUT.name: drawn(PHASES_LAYOUT, phases, {}, steps),
     }

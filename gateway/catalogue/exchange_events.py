@@ -273,9 +273,10 @@ SECOND_WRITER: Final = EventEntry(
 INTERNAL_FAULT: Final = EventEntry(
     "internal-fault",
     Severity.ERROR,
-    "a fault of the gateway's own program: something happened to an axis that cannot happen in its state. "
-    "The safest holds from then on: nobody knows where the axis is, a homed bit that decides is read again "
-    "before positions pass, and triggers are refused until a complete target was accepted; stops pass",
+    "a fault of the gateway's own program: something happened to an axis or a request that cannot happen in "
+    "its state. The safest holds from then on: nobody knows where the axis is, a homed bit that decides is "
+    "read again before positions pass, and triggers are refused until a complete target was accepted; stops "
+    "pass. Of the request nothing more is sent",
     "a bug of the gateway; the detail says in which state it met what",
     "write the target again, or home the axis where it is not referenced; send the log and the configuration "
     "to the makers of the gateway",

@@ -14,7 +14,7 @@ from gateway.exchange.plan import ControllerPlan, Role
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.queue import WAITING_BYTES
 from gateway.exchange.rights import UNLIMITED
-from gateway.exchange.transaction import Answer, Endings, Transaction
+from gateway.exchange.transaction import Answer, Transaction, Transactions
 from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.pdu import ExceptionCode
 
@@ -52,10 +52,14 @@ class Admission:
     """The doors of one line: what is not allowed is refused here and counted; its events are throttled."""
 
     def __init__(
-        self, units: Units, ends: Endings, ownership: Ownership, on_event: Callable[[Event], None]
+        self,
+        units: Units,
+        transactions: Transactions,
+        ownership: Ownership,
+        on_event: Callable[[Event], None],
     ) -> None:
         self._units = units
-        self._ends = ends
+        self._transactions = transactions
         self._ownership = ownership
         self._on_event = on_event
         self._gates: dict[ControllerPlan, Gate] = {}
@@ -116,7 +120,7 @@ class Admission:
 
     def refuse(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
         """Answer a request that is not allowed; only who may move something can lose it (M3)."""
-        self._ends.finish(
+        self._transactions.finish(
             transaction,
             Outcome.NEVER_SENT,
             now_ns,

@@ -3,8 +3,8 @@
 Made for lines whose configuration asks for it; every other line has none of this. Each serial port of a
 controller has a :class:`RequestCutter`, the drives' wire has one :class:`ReplyCutter`. Both follow all frames
 beside the decoder, from its first byte after a silence: what is not cut through teaches how the port hands
-bytes over, and takes the usual way. They write what leaves, over the same link and the same ports as whole
-frames, and tell the line (:class:`CuttingLine`), which owns the transaction.
+bytes over, and takes the usual way. What leaves does so as whole frames do, and the line is told
+(:class:`LeadingLine`).
 """
 
 from collections import deque
@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from gateway.compiled import mypyc_attr
 from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.cut_requests import WRITE, Heads, RequestJudge, beginning_of, shape_of
@@ -22,7 +21,7 @@ from gateway.exchange.fast_path import ReadPath, WritePath
 from gateway.exchange.leads import CRC_BYTES, REMEMBERED, MeasuredLead, Piece, guard_ns, margin_ns
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.tap import Tap
-from gateway.exchange.transaction import FastPath, Phase, Transaction
+from gateway.exchange.transaction import FastPath, Phase, Step, Transaction, Transactions
 from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
 from gateway.modbus.rtu_line import pause_ns
 from gateway.times import NS_PER_MS
@@ -64,33 +63,28 @@ class Pauses:
         self.longest_ns = max(self._longest)
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
-class CuttingLine:
-    """What a line does for a request that leaves while it arrives."""
+class LeadingLine(NamedTuple):
+    """What a line does for a request that leaves while it arrives. Times are in ns."""
 
-    def may_lead(self, port: ControllerPort, now_ns: int) -> bool:
-        """Whether a request of a port may begin to leave now, if it is one of those that may."""
-        raise NotImplementedError
-
-    def lead(self, port: ControllerPort, expected: bytes, now_ns: int) -> None:
-        """A request begins to leave that is expected to be this one: unit id and PDU."""
-        raise NotImplementedError
-
-    def leaves(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
-        """Let it leave, on its fast path; see ``RequestJudge``."""
-        raise NotImplementedError
-
-    def spoilt(self, until_ns: int, now_ns: int) -> None:
-        """It was spoilt: nothing is sent before the silence behind it is over."""
-        raise NotImplementedError
+    may_lead: Callable[[ControllerPort, int], bool]
+    """Whether a request of a port may begin to leave now, if it is one of those that may."""
+    lead: Callable[[ControllerPort, bytes, int], Transaction | None]
+    """A request begins to leave that is expected to be this one: unit id and PDU."""
+    commit: Callable[[FastPath, bytes, SteadyTarget | None, int], bytes | None]
+    """All of it has come: let its rest leave, on its fast path; see ``RequestJudge``."""
+    leave: Callable[[Transaction, int, bytes, bytes, int], None]
+    """Its rest leaves: unit id, PDU as it left, last bytes."""
+    spoilt: Callable[[int, int], None]
+    """It was spoilt: nothing is sent before the first instant, when the silence behind it is over."""
 
 
 class CutLine:
     """Cut-through on one line.
 
     Args:
-        line: owns the transactions.
-        link: the way to the drives.
+        line: what it does for a request that leaves while it arrives.
+        transactions: of the line; pieces of requests leave there.
+        link: the way to the drives, asked when what was sent was written.
         units: the register maps of the line.
         wire: of the drives.
         gap_ns: silence that the drives want before each request.
@@ -103,12 +97,13 @@ class CutLine:
 
     def __init__(
         self,
-        line: CuttingLine,
+        line: LeadingLine,
+        transactions: Transactions,
         link: DriveLink,
         units: Units,
         wire: Wire,
-        gap_ns: int,
         *,
+        gap_ns: int,
         stored_units: frozenset[int],
         on_change: Callable[[], None],
         tell_no_gain: Callable[[str], None],
@@ -116,6 +111,7 @@ class CutLine:
     ) -> None:
         self.tap = tap
         self.line = line
+        self.transactions = transactions
         self.link = link
         self.units = units
         self.wire = wire
@@ -208,6 +204,7 @@ class RequestCutter:
         "_last_ns",
         "_now_ns",
         "_pauses",
+        "_transaction",
         "_wire",
         "heads",
         "own_ns",
@@ -223,6 +220,8 @@ class RequestCutter:
         self._wire = wire
         self._pauses = Pauses(wire.char_ns)
         self._cut: CutThrough | None = None
+        self._transaction: Transaction | None = None
+        """The request that is leaving."""
         self._came: CutThrough | None = None
         """One that came whole, and from which the port has not learned yet."""
         self.own_ns = 0
@@ -282,7 +281,7 @@ class RequestCutter:
     def _begin(self) -> None:
         self._learn()
         cuts = self._cuts
-        judge = RequestJudge(self.port, cuts.units, self.heads, self._may_lead, cuts.line.leaves)
+        judge = RequestJudge(self.port, cuts.units, self.heads, self._may_lead, cuts.line.commit)
         pace = Pace(cuts.wire.char_ns, self._stall_ns, guard_ns(cuts.wire.char_ns))
         self._cut = CutThrough(RequestArrival(), judge, pace, self._turned)
 
@@ -293,7 +292,7 @@ class RequestCutter:
         cut, cuts = self._cut, self._cuts
         assert cut is not None
         if turn is Turn.OPENED:
-            cuts.line.lead(self.port, cut.expected, self._now_ns)
+            self._transaction = cuts.line.lead(self.port, cut.expected, self._now_ns)
         elif not CUT_AFTER[cut.state]:
             cuts.requests[turn] += 1
             cuts.requests_stored[turn] += cut.state is Cut.STORED
@@ -307,17 +306,16 @@ class RequestCutter:
         """Write what leaves; return whether all of it has left with its own check sum."""
         if not out and cut.state is was:
             return False
-        cuts, is_whole = self._cuts, cut.state is Cut.WHOLE
-        if is_whole:
-            if cuts.tap is not None:
-                cuts.tap.sent(cut.left[0], cut.left[1:-CRC_BYTES])
-            cuts.link.leave(cut.left[0], cut.left[1:-CRC_BYTES], out)
-        elif out:
-            cuts.link.lead(out)
+        cuts, transaction, is_whole = self._cuts, self._transaction, cut.state is Cut.WHOLE
+        if transaction is not None and is_whole:
+            cuts.line.leave(transaction, cut.left[0], cut.left[1:-CRC_BYTES], out, self._now_ns)
+        elif transaction is not None and out:
+            cuts.transactions.send(transaction, Step.PIECE, cut.left[0], b"", self._now_ns, piece=out)
         stamps = cuts.link.stamps
         if out:
             cut.written(len(out), stamps.ready_ns, stamps.sent_ns)
         if not CUT_AFTER[cut.state]:
+            self._transaction = None
             cuts.torn += cut.gap_ns > 0
         if cut.state is Cut.SPOILT:
             # Counted from the writing: between reading and writing the process may have stood still.

@@ -8,8 +8,8 @@ States of the line:
 - *resting*: nothing but stops is sent until an instant passes: the turnaround after a broadcast (no stops
   either), or the silence after a frame that nobody asked for (W6).
 
-While a unit id is silent each request waits for what :class:`~gateway.exchange.answers.Answers` says of it: a
-late reply never answers the next request (W6), a dead unit is answered for (W11).
+While a unit id is silent each request waits for what ``silent_units`` says of it: a late reply never answers
+the next request (W6), a dead unit is answered for (W11).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -29,8 +29,6 @@ from gateway.exchange.added_frames import (
     trial_read,
 )
 from gateway.exchange.admission import NO_ROOM, Admission, judge, role_denial
-from gateway.exchange.answers import Answers, Reach, Silence
-from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.acknowledge import Outcome, SteadyTarget
 from gateway.exchange.axis.axis import Axis, join_terms
 from gateway.exchange.axis.motion import MotionState
@@ -38,12 +36,12 @@ from gateway.exchange.axis.registers import Loss
 from gateway.exchange.commands import Command, EndDryRun, SetLimits
 from gateway.exchange.control import ControlError, carry_out
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.cut_line import CutLine, CuttingLine, Wire
+from gateway.exchange.cut_line import CutLine, LeadingLine, Wire
 from gateway.exchange.cut_requests import leave_on
 from gateway.exchange.cut_through import Turn
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.decode import AxisCommand
-from gateway.exchange.dispatch import REMEMBERED_PATHS, Units, is_acting_on, moves_one_of
+from gateway.exchange.dispatch import REMEMBERED_PATHS, Units
 from gateway.exchange.effects import leave
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.gate import Denial
@@ -59,18 +57,22 @@ from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.renewal import Held, Renewal, longest_lost_ns
 from gateway.exchange.request import Known
 from gateway.exchange.rest import Rest
+from gateway.exchange.silent_units import Reach, SilentUnits
 from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import (
     LOST,
     NO_RESPONSE,
     Answer,
-    Endings,
     FastPath,
     Phase,
+    Step,
+    StopEvent,
     Stopping,
     Transaction,
+    Transactions,
     outcome_of_reply,
 )
+from gateway.exchange.turns import HAS_NO_TURN, Turns
 from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.lengths import is_odd_request
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, EXCEPTION_BIT, MAX_PDU, ExceptionCode, is_exception
@@ -78,16 +80,14 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
 EXCEPTION: Final = Outcome.EXCEPTION
-HAS_NO_TURN: Final = 1 << 62
-"""Instant of what waits for somebody else's turn and not for time."""
+FRAME: Final = Step.FRAME
+ADDED_FRAME: Final = Step.ADDED_FRAME
 WANTED_AGAIN_NS: Final = 100 * NS_PER_MS
 """So often a connection is asked for while something waits for it."""
 ON_DEMAND_NS: Final = NS_PER_S
 """A connection on demand is closed after as long without an answer."""
 LOOKED_AGAIN_NS: Final = 100 * NS_PER_MS
 """So often it is looked whether a connection can be closed, from when on it is to be."""
-FULL_ECHOES: Final = frozenset({0x05, 0x06, 0x16})
-"""Function codes whose reply repeats the whole request: no other one has the same."""
 NO_UNIT_ID: Final = -1
 ON_THE_WIRE: Final = "a request that may move it is on the wire; let it arrive at a target, and reload again"
 REFUSALS_TOLD: Final = 10
@@ -95,7 +95,7 @@ REFUSALS_TOLD: Final = 10
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class LineExchange(CuttingLine):
+class LineExchange:
     """The transactions of one line and the axes on it."""
 
     def __init__(
@@ -129,12 +129,11 @@ class LineExchange(CuttingLine):
         self._own_unit_id = NO_UNIT_ID if own_unit is None else own_unit.unit_id
         self._on_event = on_event
         self._ownership = Ownership(self.axes, self._units, on_event)
-        self._ends = Endings(self.counters, on_event, self._lose, self._units.get, tap)
-        self._admission = Admission(self._units, self._ends, self._ownership, on_event)
+        self._transactions = Transactions(self.counters, on_event, self._lose, self._units.get, link, tap=tap)
+        self._admission = Admission(self._units, self._transactions, self._ownership, on_event)
         self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
         self.rest = Rest(timing)
         self._waiting = WaitingQueue()
-        self._current: Transaction | None = None
         self._broken_off: ControllerPort | None = None
         """The connection of what is on the wire, where that has broken off meanwhile."""
         self.is_up = False
@@ -144,34 +143,47 @@ class LineExchange(CuttingLine):
         self._renewal = Renewal(
             self._response_timeout_ns, longest_lost_ns([axis.plan.lost_ms for axis in self.axes])
         )
-        self._holds = False
-        """Whether the connection carries less than everything (``renewal.Held``)."""
-        self._early_stops: list[Transaction] = []
-        """Stops that left meanwhile: what they stop may be executed after them, and they go once more."""
         self._delay_ns = int(timing.connect_delay_ms * NS_PER_MS)
         self._on_demand = timing.connects_on_demand and link.connects
         self._longest_ns = int(timing.max_connection_s * NS_PER_S) * link.connects
         self._closes_ns = 0
         """When it is looked whether the connection can be closed; 0: it stays."""
         self._is_stopping = False
-        self.answers = Answers(timing, is_serial=link.is_serial)
+        self.silent_units = SilentUnits(
+            timing,
+            self._units,
+            self._waiting,
+            self._transactions,
+            on_event=on_event,
+            report=self._report,
+            is_serial=link.is_serial,
+        )
         self._refusals: Reports[tuple[str, str]] = Reports(NS_PER_S, REFUSALS_TOLD, others=others_of_pairs)
         self._arrived_ns = 0
-        self._gaps = Gaps(timing)
-        self._waits_until_ns: int | None = None
-        """When something that waits may go: a monitor's, or what waits for late frames."""
+        self._turns = Turns(
+            timing,
+            self._units,
+            self._waiting,
+            self._transactions,
+            self.silent_units,
+            rest=self.rest,
+            renewal=self._renewal,
+            is_serial=link.is_serial,
+        )
         self.meter = LineMeter(self.axes, link, on_event, what_ran)
         self._deadlines = Deadlines(self.axes, self._units, self.counters, on_event)
         self.cuts: CutLine | None = None
         """Of a line whose frames may leave while they arrive; ``cut_through`` is the wire of its drives."""
         if cut_through is not None:
             gap_ns = int(timing.gap_ms * NS_PER_MS)
+            line = LeadingLine(self._may_lead, self._lead, self._commit, self._leave_whole, self._spoilt)
             self.cuts = CutLine(
-                self,
+                line,
+                self._transactions,
                 link,
                 self._units,
                 cut_through,
-                gap_ns,
+                gap_ns=gap_ns,
                 stored_units=other_units.unit_ids,
                 on_change=self._settle,
                 tell_no_gain=lambda why: on_event(Event(EventKind.CUT_THROUGH_OFF, None, why)),
@@ -181,15 +193,15 @@ class LineExchange(CuttingLine):
     @property
     def deadline_ns(self) -> int | None:
         """When :meth:`tick` wants to be called; a few milliseconds late does no harm."""
-        if self._current is not None:
-            return self._current.deadline_ns
-        rests_until_ns, waits_until_ns = self.rest.until_ns, self._waits_until_ns
-        if not self.is_up or self._closes_ns or self._holds:
+        if self._transactions.current is not None:
+            return self._transactions.current.deadline_ns
+        rests_until_ns, waits_until_ns = self.rest.until_ns, self._turns.waits_until_ns
+        if not self.is_up or self._closes_ns or self._renewal.holds:
             due_ns = self._link_due_ns()
             if due_ns < HAS_NO_TURN and (waits_until_ns is None or due_ns < waits_until_ns):
                 waits_until_ns = due_ns
-        if self.answers.silences:
-            quiet_ns = self.answers.quiet_ns
+        if self.silent_units.silences:
+            quiet_ns = self.silent_units.quiet_ns
             if quiet_ns is not None and (waits_until_ns is None or quiet_ns < waits_until_ns):
                 waits_until_ns = quiet_ns
         if rests_until_ns is None or waits_until_ns is None:
@@ -210,7 +222,7 @@ class LineExchange(CuttingLine):
     @property
     def owes_silence(self) -> bool:
         """Whether a reply may still come that is not for whoever uses the line next."""
-        return self.rest.owes_silence or self.answers.owes
+        return self.rest.owes_silence or self.silent_units.owes
 
     @property
     def unit_ids(self) -> dict[str, Any]:
@@ -228,14 +240,14 @@ class LineExchange(CuttingLine):
         asked = {unit_id for unit_id in self._units.heard if unit_id != BROADCAST_UNIT_ID}
         shown = sorted(asked.union(axis.plan.unit_id for axis in self.axes))
         asked_by: dict[str, list[int]] = {}
-        for controller, unit_id in sorted(self.answers.askers.union(self.meter.measured)):
+        for controller, unit_id in sorted(self.silent_units.askers.union(self.meter.measured)):
             if unit_id >= 0:  # of others than the pairs that are measured apart
                 asked_by.setdefault(controller, []).append(unit_id)
         return {
             "axes": {axis.plan.name: axis.plan.unit_id for axis in self.axes},
             **self.unit_ids,
             "asked_by": asked_by,
-            "drives": {str(unit_id): self.answers.status(unit_id, now_ns) for unit_id in shown},
+            "drives": {str(unit_id): self.silent_units.status(unit_id, now_ns) for unit_id in shown},
         }
 
     def rivals_status(self, axis: str, now_ns: int) -> dict[str, object] | None:
@@ -245,7 +257,7 @@ class LineExchange(CuttingLine):
     @property
     def is_idle(self) -> bool:
         """Whether no transaction is on the wire."""
-        return self._current is None
+        return self._transactions.current is None
 
     # --- from controllers ------------------------------------------------------------------------------
 
@@ -282,7 +294,7 @@ class LineExchange(CuttingLine):
         if not len(pdu):
             self.counters.malformed += 1
             return
-        if port.is_serial and (self._current is not None or self._waiting.total):
+        if port.is_serial and (self._transactions.current is not None or self._waiting.total):
             self._give_up(port, "its controller sent another request", now_ns)
         if self._is_stopping:
             return
@@ -301,13 +313,13 @@ class LineExchange(CuttingLine):
             self._answer_as_own(transaction, why_given_up, now_ns)
             return
         is_motion = port.is_motion
-        if is_motion and self._gaps.is_watching and not self._is_moving:
-            self._gaps.motion_came(now_ns)
+        if is_motion and self._turns.gaps.is_watching:
+            self._turns.note_motion(now_ns)
         is_free = (
-            self._current is None
+            self._transactions.current is None
             and self.rest.until_ns is None
-            and not self.answers.silences
-            and not self._holds
+            and not self.silent_units.silences
+            and not self._renewal.holds
         )
         if why_given_up and not (self.is_up and self._units.stops_of(self._units.frames_of(transaction))):
             self._withdraw(transaction, why_given_up, now_ns)
@@ -319,9 +331,9 @@ class LineExchange(CuttingLine):
     def _answer_as_own(self, transaction: Transaction, why_given_up: str, now_ns: int) -> None:
         """Answer for the gateway's own unit id, whatever the line is at."""
         assert self._own_unit is not None
-        transaction.end(Outcome.NEVER_SENT)
+        self._transactions.go_on(transaction, Outcome.NEVER_SENT)
         if not why_given_up:
-            self._ends.reply(transaction, self._own_unit.answer(transaction.pdu, now_ns))
+            self._transactions.reply(transaction, self._own_unit.answer(transaction.pdu, now_ns))
 
     def _judge(self, transaction: Transaction, now_ns: int, *, is_free: bool) -> None:
         """Start, queue or refuse a request that cannot simply go out."""
@@ -339,11 +351,11 @@ class LineExchange(CuttingLine):
         elif self._waiting.is_full(port):
             self._deny(transaction, NO_ROOM, now_ns)
         elif self._is_answered_at_once(transaction, now_ns) and not self._is_behind(port):
-            self._answer_for_dead(transaction, now_ns)
-        elif self._is_too_late(transaction, now_ns) and not self._is_behind(port):
-            self._answer_unasked(transaction, now_ns)
+            self.silent_units.answer_for(transaction, now_ns)
+        elif self.silent_units.is_too_late(transaction, now_ns) and not self._is_behind(port):
+            self.silent_units.answer_unasked(transaction, now_ns)
         else:
-            self._gaps.is_watching |= not transaction.is_motion
+            self._turns.gaps.is_watching |= not transaction.is_motion
             if self._is_held_up:
                 transaction.hold_up()
             is_behind = self._waiting.has(port)
@@ -364,32 +376,15 @@ class LineExchange(CuttingLine):
             self._admission.refuse(transaction, denial, now_ns)
 
     def _overtake(self, stop: Transaction, stops: list[AxisCommand], now_ns: int) -> None:
-        """Put a stop at the head of the queue, and withdraw what would move its axes afterwards (M3).
-
-        So it does with axes whose targets the same frame writes: their triggers were meant for those before.
-        And with those whose targets it runs: it would run the ones before.
-        """
-        if self._current is not None and self._current.phase is Phase.LEAVING:
-            self._spoil(self._current, Turn.OVERTAKEN, now_ns)
-        axes = [command.axis for command in stops]
-        axes += self._units.given_targets(self._units.frames_of(stop))
-        reason = "a stop of its axis came after it"
-        acts = self._waiting.withdraw(
-            lambda each: not each.is_denied and is_acting_on(self._units, each, axes)
-        )
-        for transaction in acts:
-            self._overtaken(transaction, reason, now_ns)
-        current = self._current
-        if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
-            current.overtake(reason)
-        stop.become_stop(only_stops=self._units.only_stops(self._units.frames_of(stop)))
+        """Put a stop at the head of the queue, before everything that it overtakes (M3)."""
+        current = self._transactions.current
+        if current is not None and current.phase is Phase.LEAVING:
+            self._spoil(current, Turn.OVERTAKEN, now_ns)
+        self._turns.overtake(stop, stops, now_ns)
         if not self.is_up or self.rest.is_opening:
             stop.hold_up()
-        if not self._waiting.add_stop(stop):  # the same stop waits already, many times
-            busy = ExceptionCode.SERVER_DEVICE_BUSY
-            self._refuse(stop, busy, now_ns, loss=None)
-        elif self.answers.backs_off and self._stop_from_ns(stop) > now_ns:
-            self._thin_out(stop, now_ns)
+        if not self._turns.add_stop(stop, now_ns):
+            self._refuse(stop, ExceptionCode.SERVER_DEVICE_BUSY, now_ns, loss=None)
         self._next(now_ns)
 
     def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
@@ -401,11 +396,11 @@ class LineExchange(CuttingLine):
             self._tap.gone(port, now_ns, is_broken=is_broken)
         if self.cuts is not None:
             self.cuts.gone(port, now_ns)
-            if self._current is not None and self._current.port is port:
+            if self._transactions.current is not None and self._transactions.current.port is port:
                 self._end_reply(Turn.LOST, now_ns)
         self._give_up(port, "its connection closed", now_ns)
         self._admission.gone(port, now_ns, is_broken=is_broken)
-        if is_broken and self._current is not None and self._current.port is port:
+        if is_broken and self._transactions.current is not None and self._transactions.current.port is port:
             self._broken_off = port
         self._settle()
 
@@ -413,9 +408,9 @@ class LineExchange(CuttingLine):
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
         for transaction in self._waiting.give_up(port):
             self._withdraw(transaction, reason, now_ns)
-        if self._current and self._current.port is port:
+        if self._transactions.current and self._transactions.current.port is port:
             self._end_reply(Turn.ANEW, now_ns)
-            self._current.give_up()
+            self._transactions.current.give_up()
 
     def note_standstill(self, gap_ns: int) -> None:
         """Report that nobody looked for a while."""
@@ -428,7 +423,7 @@ class LineExchange(CuttingLine):
         """Do what a command asks for; see ``control.carry_out``. Raises ControlError."""
         if self._tap is not None:
             self._tap.command(command, tables, now_ns)
-        current = self._current
+        current = self._transactions.current
         if isinstance(command, EndDryRun) and current is not None and not current.only_reads:
             raise ControlError(f"axis {command.axes[0]} stays in shadow: {ON_THE_WIRE}")
         for axis in self.axes:
@@ -452,36 +447,37 @@ class LineExchange(CuttingLine):
         self._settle()
 
     def _reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
-        transaction = self._current
+        transaction = self._transactions.current
         if transaction is None or unit_id != transaction.wire_unit_id or not len(pdu):
             self._stray(now_ns, NO_UNIT_ID)
             return
         if len(pdu) > MAX_PDU:  # it cannot be passed on
-            self._current = None
+            self._transactions.current = None
             self._renewal.hear()
             self.counters.oversized += 1
             self._end_unanswered(transaction, now_ns)
-            self._gaps.ended(transaction, now_ns)
+            self._turns.gaps.ended(transaction, now_ns)
             self._next(now_ns)
             return
-        if transaction.stopping is Stopping.EARLY and not self._is_answer(transaction, pdu):
+        if transaction.stopping is Stopping.EARLY and not self._turns.is_answer(transaction, pdu):
             self._renewal.hear()
-            self.answers.disturb(unit_id, now_ns)
-            self.answers.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
-            self._current = None
-            self._send_once_more(transaction, now_ns)
+            self.silent_units.disturb(unit_id, now_ns)
+            self.silent_units.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
+            self._transactions.current = None
+            self._turns.go_again(transaction, now_ns)
             self._report(self._units.axes_of(unit_id))
             self._next(now_ns)
             return
         if self.link_state.closes_soon:
             self._see_whether_it_closes(transaction, now_ns)
-        self.answers.answered_ns[unit_id] = now_ns
-        if self.answers.silences:
-            if transaction.stopping is Stopping.AGAIN and self.answers.owes_of(unit_id):
+        self.silent_units.answered_ns[unit_id] = now_ns
+        if self.silent_units.silences:
+            if transaction.stopping is Stopping.AGAIN and self.silent_units.owes_of(unit_id):
                 # Of the same stop, sent twice, one answer has come; nobody knows which.
-                self.answers.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
+                self.silent_units.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
             self._renewal.hear_answer(unit_id)
-            self._hear(unit_id, now_ns)
+            self._renewal.hear()
+            self.silent_units.hear(unit_id, now_ns)
         path, cuts = transaction.path, self.cuts
         if path is None:
             turned = None
@@ -495,19 +491,20 @@ class LineExchange(CuttingLine):
             axes = path.axes
             self.counters.exchanges += 1
             self.counters.exceptions += pdu[0] >= EXCEPTION_BIT
-            transaction.end(ACKNOWLEDGED if pdu[0] < EXCEPTION_BIT else EXCEPTION)
-            self._ends.reply(transaction, turned)
+            outcome = ACKNOWLEDGED if pdu[0] < EXCEPTION_BIT else EXCEPTION
+            self._transactions.go_on(transaction, outcome)
+            self._transactions.reply(transaction, turned)
             path.settle(transaction, now_ns)
-            self._current = None
+            self._transactions.current = None
             assert transaction.port is not None
             self.meter.note(transaction, transaction.port, pdu, now_ns)
         if cuts is not None:
             cuts.note(transaction, pdu, turned, now_ns)
-        if self._gaps.is_watching:
-            self._gaps.ended(transaction, now_ns)
+        if self._turns.gaps.is_watching:
+            self._turns.gaps.ended(transaction, now_ns)
         if axes:
             self._report(axes)
-        if self._waiting.total or self._holds:
+        if self._waiting.total or self._renewal.holds:
             self._next(now_ns)
 
     def _take_reply(self, transaction: Transaction, pdu: bytes, now_ns: int) -> tuple[Axis, ...]:
@@ -516,12 +513,12 @@ class LineExchange(CuttingLine):
         for axis in axes:
             axis.end_silence(is_answer=True)
         if transaction.added is not None:
-            self._current = None
+            self._transactions.current = None
             self._take_added(transaction, pdu, now_ns)
             return axes
         outcome, code = outcome_of_reply(transaction, pdu)
-        self._ends.finish(transaction, outcome, now_ns, code=code, reply=pdu)
-        self._current = None
+        self._transactions.finish(transaction, outcome, now_ns, code=code, reply=pdu)
+        self._transactions.current = None
         if self._broken_off is not None:
             self._forget_parts_of(transaction)
         if transaction.port is not None:
@@ -532,7 +529,7 @@ class LineExchange(CuttingLine):
         """Take note of the reply to a frame of the gateway's own, and go on with what it was for."""
         frame = transaction.added
         assert frame is not None
-        if self._holds and frame.rendering is None:
+        if self._renewal.holds and frame.rendering is None:
             self._renewal.answered(now_ns)
         if transaction.port is None:
             self.counters.added_reads += 1
@@ -541,18 +538,18 @@ class LineExchange(CuttingLine):
             if not is_again:
                 learn(frame, pdu, known, transaction.sent_ns)
             outcome = Outcome.EXCEPTION if is_exception(pdu) else Outcome.ACKNOWLEDGED
-            self._ends.finish(transaction, outcome, now_ns)
+            self._transactions.finish(transaction, outcome, now_ns)
             following = None if is_exception(pdu) else next_look(frame, transaction.sent_ns)
             self._waiting.add_own(once_more(frame) if is_again else following, now_ns)
             return
-        transaction.learn()
+        self._transactions.go_on(transaction, Step.ANSWERED)
         code = self._learn(transaction, frame, pdu, now_ns)
         if code is not None:
             self._refuse(transaction, code, now_ns)
         elif self._waiting.has_stops and not transaction.overtaken_by:
             transaction.begin_anew()
             self._waiting.put_back(transaction)
-        elif self.rest.is_closing or self._holds:  # it is not sent into a connection that closes
+        elif self.rest.is_closing or self._renewal.holds:  # it is not sent into a connection that closes
             self._waiting.put_back(transaction)
         else:
             self._start(transaction, now_ns)
@@ -583,34 +580,6 @@ class LineExchange(CuttingLine):
         frame.axis.lose_restaged(rendering, code, why)
         return code
 
-    def _is_answer(self, stop: Transaction, reply: bytes) -> bool:
-        """Whether a reply to a stop that left early ends it: a late one may come in its place.
-
-        What waited for the silence before it came may move its axis yet: then it goes once more behind that.
-        """
-        unit_id, pdu = stop.unit_id, stop.pdu
-        axes = [command.axis for command in self._units.stops_of(self._units.frames_of(stop))]
-        for each in self._waiting.stops:
-            if each.stopping is Stopping.ONCE and moves_one_of(self._units, each, axes):
-                return False
-        if pdu[0] in FULL_ECHOES:
-            return reply == pdu
-        # Of several registers only their addresses come back, as they do for any other write there.
-        return reply == pdu[:5] and not (self.rest.is_draining or self.answers.owes_of(unit_id))
-
-    def _hear(self, unit_id: int, now_ns: int) -> None:
-        """Take note of a frame of a unit id, while something on the line is silent."""
-        self._renewal.hear()
-        before = self.answers.hear(unit_id)
-        if before is Reach.ANSWERS:
-            return
-        self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
-        if before is Reach.DEAD:  # it was not asked, so nobody knows since when it is there again
-            axes = self._units.axes_of(unit_id)
-            for axis in axes:
-                axis.end_silence(is_answer=True, until_ns=now_ns)
-            self._report(axes)
-
     def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
         """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6).
 
@@ -625,18 +594,18 @@ class LineExchange(CuttingLine):
     def _stray(self, now_ns: int, unit_id: int) -> None:
         self.counters.late += 1
         self._renewal.hear()
-        if self._current is not None and self._current.phase is Phase.LEAVING:
-            self._spoil(self._current, Turn.MET, now_ns)
-        is_awaited = self.answers.disturb(unit_id, now_ns)
+        if self._transactions.current is not None and self._transactions.current.phase is Phase.LEAVING:
+            self._spoil(self._transactions.current, Turn.MET, now_ns)
+        is_awaited = self.silent_units.disturb(unit_id, now_ns)
         if self.rest.is_draining:
             self.rest.disturb(now_ns)
-        elif unit_id >= 0 and self._link.is_serial and self._current is None and not is_awaited:
+        elif unit_id >= 0 and self._link.is_serial and self._transactions.current is None and not is_awaited:
             self.rest.drain(now_ns)
             detail = f"a frame that answers nothing: waiting for {self.rest.drain_ms:g} ms of silence"
             self._on_event(Event(EventKind.LATE_REPLY, None, detail))
-        if unit_id >= 0 and self.answers.silences:
-            self._hear(unit_id, now_ns)
-        if is_awaited and self._current is None:
+        if unit_id >= 0 and self.silent_units.silences:
+            self.silent_units.hear(unit_id, now_ns)
+        if is_awaited and self._transactions.current is None:
             self._next(now_ns)
 
     def unframed(self, now_ns: int) -> None:
@@ -669,7 +638,7 @@ class LineExchange(CuttingLine):
             self.rest.open(now_ns + delay_ns)
         self._renewal.begin()
         if row.reach is Reached.ASKED_AGAIN:
-            self.answers.link_up()
+            self.silent_units.link_up()
         for axis in state.lost:
             axis.end_silence(is_answer=True, until_ns=now_ns)
         if loss is LinkLoss.RENEWAL:  # whoever is silent was so over it, and may have been switched off
@@ -696,7 +665,7 @@ class LineExchange(CuttingLine):
         self._settle()
 
     def _link_down(self, now_ns: int, reason: str, *, is_orderly: bool) -> None:
-        current, self._current = self._current, None
+        current, self._transactions.current = self._transactions.current, None
         is_idle = is_orderly and current is None and self._link.connects and self._renewal.owes_nothing
         detail = reason
         if is_orderly:
@@ -706,7 +675,7 @@ class LineExchange(CuttingLine):
             self._spoil(current, Turn.LOST, now_ns)
             self._end_leaving(current, now_ns)
         elif current is not None and self._may_begin_anew(current):
-            current.learn()
+            self._transactions.go_on(current, Step.ANSWERED)
             current.begin_anew()
             self._waiting.put_back(current)
         elif current is not None:
@@ -732,10 +701,10 @@ class LineExchange(CuttingLine):
         self.is_up = False
         self._closes_ns = 0
         is_under_way = any(axis.motion.state is MotionState.MOVING for axis in self.axes)
-        is_busy = current is not None or self.rest.is_draining or self.answers.owes
+        is_busy = current is not None or self.rest.is_draining or self.silent_units.owes
         self.rest.break_off(owes_silence=self._link.is_serial and is_busy)
-        heard_ns = [self.answers.answered_ns[axis.plan.unit_id] for axis in self.axes]
-        lost = state.go_down(loss, heard_ns, self.answers.last_answered_ns, now_ns)
+        heard_ns = [self.silent_units.answered_ns[axis.plan.unit_id] for axis in self.axes]
+        lost = state.go_down(loss, heard_ns, self.silent_units.last_answered_ns, now_ns)
         is_closed = loss is LinkLoss.IDLE_CLOSE or loss is LinkLoss.OWN_CLOSE
         if self._is_stopping or (self._on_demand and is_closed):
             state.tell_nothing()  # closing it ourselves is no event
@@ -780,7 +749,7 @@ class LineExchange(CuttingLine):
     @property
     def _is_held_up(self) -> bool:
         """Whether requests wait for the link, or for what it was made anew for."""
-        return not self.is_up or self._holds or self.rest.is_opening
+        return not self.is_up or self._renewal.holds or self.rest.is_opening
 
     def _link_due_ns(self) -> int:
         """Return when something of the link is due: how long it is down, or whether it is to be closed."""
@@ -799,19 +768,18 @@ class LineExchange(CuttingLine):
             if told:
                 self._on_event(Event(EventKind.LINE_DOWN, None, told))
             return
-        if self._holds:
-            self._renewal.settle(now_ns)
-            self._holds = self._renewal.held is not Held.NOTHING
-            if not self._holds:
-                self._stop_once_more()
+        if self._renewal.holds and self._renewal.settle(now_ns):
+            self._turns.release_stops()
         if self._closes_ns and now_ns >= self._closes_ns:
             self._close_at_rest(now_ns)
 
     def _close_at_rest(self, now_ns: int) -> None:
         """Close the connection, if it is to be closed, once nothing is under way."""
-        idle_ns = max(self.link_state.up_ns, self.answers.last_answered_ns) + ON_DEMAND_NS
-        is_idle = self._current is None and not self._waiting.total and not self.answers.silences
-        is_idle = is_idle and self.rest.until_ns is None and not self._holds
+        idle_ns = max(self.link_state.up_ns, self.silent_units.last_answered_ns) + ON_DEMAND_NS
+        is_idle = (
+            self._transactions.current is None and not self._waiting.total and not self.silent_units.silences
+        )
+        is_idle = is_idle and self.rest.until_ns is None and not self._renewal.holds
         if self._on_demand and now_ns < idle_ns:
             self._closes_ns = idle_ns
         elif not is_idle or not self._are_at_rest(now_ns):
@@ -825,20 +793,6 @@ class LineExchange(CuttingLine):
         """Whether nothing is under way, streamed, unproven or staged on any axis."""
         return all(is_at_rest(axis, self.link_state.up_ns, now_ns) for axis in self.axes)
 
-    def _note_early(self, stop: Transaction) -> None:
-        """Take note of a stop that leaves while writes are held, unless it does more than stop."""
-        is_known = any(each.is_same_stop(stop) for each in self._early_stops)
-        if stop.stopping is not Stopping.ONCE and not is_known:
-            self._early_stops.append(stop)
-
-    def _stop_once_more(self) -> None:
-        """Let the stops that left while writes were held leave once more, before any write does."""
-        stops, self._early_stops = self._early_stops, []
-        for stop in stops:
-            again = stop.once_more()
-            again.give_up()  # its controller was answered
-            self._waiting.add_again(again)
-
     def _see_whether_it_closes(self, transaction: Transaction, now_ns: int) -> None:
         """Behind an answer let nothing leave that a server would not read which closes its connection.
 
@@ -846,7 +800,7 @@ class LineExchange(CuttingLine):
         read after the end of the connection, if that has come.
         """
         state = self.link_state
-        answered_ns = self.answers.answered_ns[transaction.wire_unit_id]
+        answered_ns = self.silent_units.answered_ns[transaction.wire_unit_id]
         if not state.has_closed_soon and state.up_ns <= answered_ns < now_ns - CLOSES_SOON_NS:
             state.closes_soon = False
         elif state.has_closed_soon or self._waiting.total or transaction.phase is Phase.PREREQUISITE:
@@ -877,13 +831,6 @@ class LineExchange(CuttingLine):
         is_late = transaction.is_held_up and now_ns >= transaction.waits_until_ns
         return is_late and not transaction.only_reads
 
-    def _is_held(self, transaction: Transaction) -> bool:
-        """Whether the connection does not carry a request yet, because an older one may be executed."""
-        held = self._renewal.held
-        if held is Held.NOTHING or transaction.port is None or transaction.is_stop:
-            return False
-        return held is Held.ALL or not transaction.only_reads
-
     # --- connections on which nothing answers any more --------------------------------------------------
 
     def _miss(self, transaction: Transaction) -> None:
@@ -900,7 +847,7 @@ class LineExchange(CuttingLine):
         reads = {unit_id: trial_read(self._units.axes_of(unit_id)) for unit_id in unit_ids}
         is_known = True
         for unit_id in self._renewal.not_asked(unit_ids):
-            silence = self.answers.silences.get(unit_id)
+            silence = self.silent_units.silences.get(unit_id)
             if silence is not None and silence.reach is Reach.DEAD:
                 continue
             is_known, read = False, reads[unit_id]
@@ -913,7 +860,6 @@ class LineExchange(CuttingLine):
     def _renew(self, now_ns: int) -> None:
         """Break the connection off and have another one made."""
         self._renewal.renew(now_ns)
-        self._holds = self._renewal.held is not Held.NOTHING
         why = "nothing has come for three time-outs, whoever was asked: another connection is made"
         self._on_event(Event(EventKind.CONNECTION_RENEWED, None, why))
         self._go_down(LinkLoss.RENEWAL, "broken off by the gateway, and not made anew", None, now_ns)
@@ -929,10 +875,10 @@ class LineExchange(CuttingLine):
             read = trial_read(self._units.axes_of(unit_id))
             if read is None:
                 continue
-            silence = self.answers.silences.get(unit_id)
+            silence = self.silent_units.silences.get(unit_id)
             dead = silence if silence is not None and silence.reach is Reach.DEAD else None
-            due_ns = self.answers.free_ns(unit_id, now_ns, is_read=True)
-            if dead is not None and self.answers.backs_off:
+            due_ns = self.silent_units.free_ns(unit_id, now_ns, is_read=True)
+            if dead is not None and self.silent_units.backs_off:
                 due_ns = max(due_ns, dead.due_ns)
             if due_ns > now_ns:
                 until_ns = min(until_ns, due_ns)
@@ -968,19 +914,19 @@ class LineExchange(CuttingLine):
         self._settle()
 
     def _tick(self, now_ns: int) -> None:
-        is_timed_out = self._current is not None
-        if self._current is not None:
-            self._time_out(self._current, now_ns)
+        is_timed_out = self._transactions.current is not None
+        if self._transactions.current is not None:
+            self._time_out(self._transactions.current, now_ns)
         # What comes too late to the end of a silence has to see that there was one.
-        if self.is_up and self.answers.owes:
-            self._answer_waiting(now_ns)
+        if self.is_up and self.silent_units.owes:
+            self.silent_units.answer_waiting(now_ns)
         # Only here: a caller that comes late has read by then what had come (W6).
         rests_until_ns = self.rest.until_ns
         if self.rest.is_closing and rests_until_ns is not None and now_ns >= rests_until_ns:
             self.link_state.closes_soon = self.link_state.has_closed_soon = False  # it stays open
         self.rest.settle(now_ns)
-        self.answers.settle(now_ns)
-        if not self.is_up or self._closes_ns or self._holds:
+        self.silent_units.settle(now_ns)
+        if not self.is_up or self._closes_ns or self._renewal.holds:
             self._watch_link(now_ns)
         if is_timed_out and self.is_up and self._link.connects:
             self._consider_renewal(now_ns)
@@ -996,250 +942,32 @@ class LineExchange(CuttingLine):
 
     # --- sending ---------------------------------------------------------------------------------------
 
-    @property
-    def _is_moving(self) -> bool:
-        """Whether a motion transaction is on the wire or waits."""
-        current = self._current
-        return (current is not None and current.is_motion) or not self._waiting.only_others
-
     def _next(self, now_ns: int) -> None:
         """Start what waits, as long as the line is free."""
-        self._waits_until_ns = None
+        turns = self._turns
+        turns.waits_until_ns = None
         if self._is_held_up:
-            self._wake_at(self._wait_for_link(now_ns))
+            turns.wake_at(self._wait_for_link(now_ns))
             if not self.is_up:
                 return
-        while self._waiting.total and self._current is None:
-            if self.rest.until_ns is not None or self.answers.silences or self._holds:
-                if self.answers.owes:
-                    self._answer_waiting(now_ns)
-                chosen = self._choose(now_ns)
-            elif not self._waiting.only_others:
-                self._start(self._waiting.pop(), now_ns)
-                continue
-            else:
-                first = self._waiting.first_of_others()
-                chosen, self._waits_until_ns = self._gaps.choose(first, now_ns)
+        while self._waiting.total and self._transactions.current is None:
+            chosen = turns.next(now_ns)
             if chosen is None:
                 break
-            self._waiting.take(chosen)
             self._start(chosen, now_ns)
-        if self._holds and self._current is None and self.rest.until_ns is None:
-            self._wake_at(self._ask_held(now_ns))
-
-    def _wake_at(self, due_ns: int) -> None:
-        """See to it that what waits is looked at then, or sooner."""
-        due_ns = min(due_ns, self._waits_until_ns or HAS_NO_TURN)
-        self._waits_until_ns = None if due_ns == HAS_NO_TURN else due_ns
-
-    def _choose(self, now_ns: int) -> Transaction | None:
-        """Return what may go now although the line rests or somebody is silent; None: nothing may.
-
-        Requests of one controller keep their order; its stops wait for none of them.
-        """
-        until_ns = HAS_NO_TURN
-        held: set[int] = set()
-        others: list[Transaction] = []
-        rests = self.rest.until_ns is not None
-        for transaction in self._waiting.stops if rests else self._waiting:
-            port = transaction.port
-            is_in_order = port is not None and not transaction.is_stop
-            if is_in_order and id(port) in held:
-                continue
-            if self._holds and self._is_held(transaction):
-                held.add(id(port))
-                continue
-            from_ns = self._from_ns(transaction, now_ns)
-            if from_ns <= now_ns and (port is None or port.is_motion or transaction.is_stop):
-                return transaction
-            if from_ns <= now_ns:
-                others.append(transaction)
-            else:
-                until_ns = min(until_ns, from_ns)
-            if is_in_order:
-                held.add(id(port))
-        chosen: Transaction | None = None
-        if others:
-            chosen, monitor_due_ns = self._gaps.choose(others, now_ns)
-            if monitor_due_ns is not None:
-                until_ns = min(until_ns, monitor_due_ns)
-        self._wake_at(until_ns)
-        return chosen
-
-    def _from_ns(self, transaction: Transaction, now_ns: int) -> int:
-        """Return from when on something that waits may be started, be it to end at once."""
-        unit_id = transaction.unit_id
-        if transaction.is_stop:
-            rests_until_ns = self.rest.until_ns
-            from_ns = self._stop_from_ns(transaction)
-            is_late = transaction.waits_for_silence
-            from_ns = max(from_ns, self.rest.spoilt_until_ns, self.rest.opened_until_ns)
-            if rests_until_ns is not None and (is_late or self.rest.keeps_stops):
-                from_ns = max(from_ns, rests_until_ns, now_ns + 1)
-            if is_late:
-                free_ns = self.answers.free_ns(unit_id, now_ns, is_read=False, is_stop=True)
-                from_ns = max(from_ns, free_ns)
-            return from_ns
-        if transaction.is_denied or transaction.why_given_up(now_ns):
-            return now_ns
-        if self._is_answered_for(transaction, now_ns):
-            return now_ns
-        if transaction.is_odd:
-            dead = self._dead(unit_id)
-            if dead is not None and dead.odd_due_ns > now_ns:
-                return dead.odd_due_ns
-        free_ns = self.answers.free_ns(unit_id, now_ns, is_read=transaction.only_reads)
-        # Then it is withdrawn, and keeps back nothing that waits behind it.
-        return min(free_ns, transaction.given_up_ns + 1)
-
-    def _stop_from_ns(self, stop: Transaction) -> int:
-        """Return from when on a stop may leave: the same stop to a silent unit starves nobody."""
-        silence = self.answers.silences.get(stop.unit_id)
-        if silence is None:
-            return 0
-        if silence.turns and any(
-            id(each.port) in silence.turns for each in self._waiting if not each.is_stop
-        ):
-            return HAS_NO_TURN if stop.pdu in silence.stops else 0
-        return 0 if stop.stopping is Stopping.AGAIN else silence.stops.get(stop.pdu, 0)
-
-    # --- dead units ------------------------------------------------------------------------------------
-
-    def _dead(self, unit_id: int) -> Silence | None:
-        """Return the silence because of which a unit id is not asked; None: it is."""
-        return self.answers.dead(self._units.partners(unit_id)) if self.answers.silences else None
-
-    def _is_answered_for(self, transaction: Transaction, now_ns: int) -> bool:
-        """Whether a request is answered by the gateway because its drive, or one of its group, is dead."""
-        dead = self._dead(transaction.unit_id)
-        if dead is None:
-            return False
-        due_ns = dead.due_for(is_odd=transaction.is_odd)
-        if now_ns >= due_ns:
-            return False
-        # One that came over a serial port waits, for nothing of its controller waits behind it.
-        port = transaction.port
-        waits = transaction.is_odd and port is not None and port.ends_by_silence
-        return not waits or due_ns > transaction.leave_by_ns
+        if self._renewal.holds and self._transactions.current is None and self.rest.until_ns is None:
+            turns.wake_at(self._ask_held(now_ns))
 
     def _is_answered_at_once(self, transaction: Transaction, now_ns: int) -> bool:
         """The same of one that comes now: with the next link a dead drive may be asked again."""
         is_asked_again = not self.is_up and LINK_LOSS[self.link_state.loss].reach is Reached.ASKED_AGAIN
-        return not is_asked_again and self._is_answered_for(transaction, now_ns)
+        return not is_asked_again and self.silent_units.is_answered_for(transaction, now_ns)
 
     def _is_behind(self, port: ControllerPort) -> bool:
         """Whether a controller is owed another answer first."""
-        return (self._current is not None and self._current.port is port) or self._waiting.has(port)
-
-    def _answer_for_dead(self, transaction: Transaction, now_ns: int) -> None:
-        """Answer in the place of a drive that is not asked: that counts as unanswered (W11)."""
-        answer = Answer.BACK_OFF
-        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
-        if transaction.unit_id == BROADCAST_UNIT_ID:
-            return
-        axes = self._units.axes_of(transaction.unit_id)
-        for axis in axes:
-            axis.fall_silent(now_ns, now_ns)
-        self._report(axes)
-
-    def _is_too_late(self, transaction: Transaction, now_ns: int) -> bool:
-        """Whether a request is answered by the gateway because it could only leave too late (W6).
-
-        That is what waits for the late frames of its own unit id: not of another one, nor for the rest of
-        the line. No stop, no read of the gateway's own, and nothing that may be a trial of a dead unit.
-        """
-        unit_id = transaction.unit_id
-        if not self.answers.owes_of(unit_id) or transaction.port is None or transaction.is_stop:
-            return False
-        leave_by_ns, is_read = transaction.leave_by_ns, transaction.only_reads
-        is_too_late = self.answers.is_too_late(unit_id, now_ns, leave_by_ns, is_read=is_read)
-        return is_too_late and self._dead(unit_id) is None
-
-    def _answer_unasked(self, transaction: Transaction, now_ns: int) -> None:
-        """Answer in the place of a drive that was not asked: nothing is learned of it from that."""
-        self.answers.note_unasked(transaction.unit_id)
-        answer = Answer.TOO_LATE
-        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
-
-    def _answer_waiting(self, now_ns: int) -> None:
-        """Answer what waits for a unit that is dead now, or only to leave too late.
-
-        In the order of each controller.
-        """
-        behind: set[int] = set()
-        for transaction in tuple(self._waiting):
-            port = transaction.port
-            if transaction.is_stop or port is None or id(port) in behind:
-                continue
-            is_denied = transaction.is_denied or bool(transaction.why_given_up(now_ns))
-            if is_denied:
-                behind.add(id(port))
-            elif self._is_answered_for(transaction, now_ns):
-                self._waiting.take(transaction)
-                self._answer_for_dead(transaction, now_ns)
-            elif self._is_too_late(transaction, now_ns):
-                self._waiting.take(transaction)
-                self._answer_unasked(transaction, now_ns)
-            else:
-                behind.add(id(port))
-
-    def _try_dead(self, transaction: Transaction, dead: Silence, now_ns: int) -> bool:
-        """Take a request for the trial of a dead unit; return whether nothing else is to be done with it now.
-
-        Where it might move something a read goes first, if one is allowed: nobody knows what the drive was
-        through. For a drive of which nothing may be read the request itself is the trial.
-        """
-        if now_ns < dead.due_for(is_odd=transaction.is_odd):
-            self._answer_for_dead(transaction, now_ns)
-            return True
-        axes = self._units.axes_of(dead.unit_id)
-        is_own = transaction.unit_id == dead.unit_id
-        read = None
-        if not is_own or is_acting_on(self._units, transaction, axes):
-            read = trial_read(axes)
-        if read is None and not is_own:
-            self._answer_for_dead(transaction, now_ns)
-            return True
-        dead.try_again(now_ns)
-        if read is not None:
-            transaction.need(read)
-            self._put_on_wire(transaction, read.pdu, dead.unit_id, now_ns)
-            return True
-        for axis in axes:
-            axis.end_silence(is_answer=False, until_ns=now_ns)
-        return False
-
-    # --- stops to silent units -------------------------------------------------------------------------
-
-    def _is_early(self, stop: Transaction, now_ns: int) -> bool:
-        """Whether a late frame may come in the place of the reply to a stop, or meet it on the wire."""
-        if stop.waits_for_silence or not self._link.is_serial:
-            return False
-        return self.rest.is_draining or self.answers.free_ns(stop.unit_id, now_ns, is_read=False) > 0
-
-    def _thin_out(self, stop: Transaction, now_ns: int) -> None:
-        """Of a stop that its drive does not answer the newest of each controller waits, for all before it."""
-        newest: dict[int, Transaction] = {}
-        older = []
-        for each in self._waiting:
-            if each.is_same_stop(stop):
-                before = newest.get(id(each.port))
-                newest[id(each.port)] = each
-                if before is not None:
-                    older.append(before)
-                    each.become_again(before)
-        for each in older:
-            self._waiting.take(each)
-            self._answer_for_dead(each, now_ns)
-
-    def _send_once_more(self, stop: Transaction, now_ns: int) -> None:
-        """End a stop that left early and was not answered; its controller waits for the next one.
-
-        Where that has given up on it and the same stop waits already, that one is the next.
-        """
-        if not (stop.is_orphan and any(each.is_same_stop(stop) for each in self._waiting)):
-            self._waiting.add_again(stop.once_more())
-        self._ends.finish(stop, Outcome.NO_REPLY, now_ns, code=NO_RESPONSE)
+        return (
+            self._transactions.current is not None and self._transactions.current.port is port
+        ) or self._waiting.has(port)
 
     def _start(self, transaction: Transaction, now_ns: int) -> None:
         """Send a transaction, or the frame that it needs first; or withdraw or refuse it."""
@@ -1250,21 +978,25 @@ class LineExchange(CuttingLine):
         elif transaction.is_denied:
             self._admission.refuse(transaction, self._admission.denial_of_waiting(transaction), now_ns)
         elif transaction.overtaken_by:
-            self._overtaken(transaction, transaction.overtaken_by, now_ns)
+            self._turns.end_overtaken(transaction, transaction.overtaken_by, now_ns)
         elif transaction.is_held_up and self._has_waited_too_long(transaction, now_ns):
             self._refuse_absent(transaction, now_ns)
-        elif transaction.port is None and self._is_answered_for(transaction, now_ns):
-            self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns)
+        elif transaction.port is None and self.silent_units.is_answered_for(transaction, now_ns):
+            self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns)
         elif transaction.port is None:
             self._put_on_wire(transaction, transaction.pdu, transaction.unit_id, now_ns)
         else:
             self._start_request(transaction, now_ns)
 
     def _start_request(self, transaction: Transaction, now_ns: int) -> None:
-        if self.answers.silences and not transaction.is_stop:
-            dead = self._dead(transaction.unit_id)
-            if dead is not None and self._try_dead(transaction, dead, now_ns):
-                return
+        if self.silent_units.silences and not transaction.is_stop:
+            dead = self.silent_units.dead(transaction.unit_id)
+            if dead is not None:
+                if not self.silent_units.tries(transaction, dead, now_ns):
+                    return
+                if transaction.added is not None:
+                    self._put_on_wire(transaction, transaction.added.pdu, dead.unit_id, now_ns)
+                    return
         if transaction.known is None and not self._deadlines.may_be_late(transaction, now_ns):
             path = self._units.path_of(transaction.unit_id, transaction.pdu)
             sent_pdu = None if path is None else path.sent(transaction, now_ns)
@@ -1277,7 +1009,7 @@ class LineExchange(CuttingLine):
         if transaction.unit_id not in self._units and self._units.aliases.is_unknown(transaction.unit_id):
             self._note_unknown_unit(transaction.unit_id)
             if transaction.port is not None:
-                self.answers.askers.add((transaction.port.plan.name, transaction.unit_id))
+                self.silent_units.askers.add((transaction.port.plan.name, transaction.unit_id))
         if not self._ownership.may_move(transaction, now_ns):
             self._refuse(transaction, ExceptionCode.SERVER_DEVICE_BUSY, now_ns)
             return
@@ -1314,55 +1046,47 @@ class LineExchange(CuttingLine):
             self._on_event(Event(EventKind.UNKNOWN_UNIT, None, detail))
 
     def _put_on_wire(self, transaction: Transaction, pdu: bytes, unit_id: int, now_ns: int) -> None:
-        """Send a frame: the request itself, or one of the gateway's own. All frames leave here."""
+        """Send a frame: the request itself, or one of the gateway's own."""
         patience_ns = self._response_timeout_ns
         port = transaction.port
-        if port is not None and port.patience_ns > patience_ns and transaction.added is None:
-            # A read that tries a dead drive (W11) keeps the others waiting no longer than a drive may take.
-            is_read = bool(self.answers.silences) and transaction.only_reads
-            if is_read and self.answers.is_missed(unit_id) and now_ns > transaction.leave_by_ns:
-                patience_ns = max(patience_ns, transaction.given_up_ns - now_ns)  # the same, if it left late
-            elif not (is_read and self.answers.dead((unit_id,)) is not None):
-                patience_ns = port.patience_ns
-        if port is not None and self.answers.silences and not transaction.is_stop:
-            self.answers.had_turn(id(port))
-        if transaction.is_stop and self._is_early(transaction, now_ns):
-            transaction.leave_early()
-        if self._holds and transaction.is_stop:
-            self._note_early(transaction)
-        transaction.leave(now_ns, unit_id, patience_ns)
-        if self._tap is not None:
-            self._tap.sent(unit_id, pdu)
-        if unit_id == BROADCAST_UNIT_ID and self._link.is_serial:
-            self._link.send_request(unit_id, pdu)
-            self._end_broadcast(transaction, now_ns)
-            return
-        self._current = transaction
-        if self.cuts is not None:
+        if self.silent_units.silences:
+            patience_ns = self.silent_units.patience_ns(transaction, unit_id, now_ns, patience_ns)
+        elif port is not None and port.patience_ns > patience_ns and transaction.added is None:
+            patience_ns = port.patience_ns
+        if port is not None and self.silent_units.silences and not transaction.is_stop:
+            self.silent_units.had_turn(id(port))
+        if transaction.is_stop and self._turns.is_early(transaction, now_ns):
+            self._transactions.stop_goes_on(transaction, StopEvent.LEAVES_EARLY)
+        if self._renewal.holds and transaction.is_stop:
+            self._turns.note_early(transaction)
+        is_broadcast = unit_id == BROADCAST_UNIT_ID and self._link.is_serial
+        if self.cuts is not None and not is_broadcast:
             self.cuts.reply.expect(transaction)
-        self._link.send_request(unit_id, pdu)
+        step = FRAME if port is None or transaction.added is None else ADDED_FRAME
+        has_left = self._transactions.send(transaction, step, unit_id, pdu, now_ns, patience_ns=patience_ns)
+        if is_broadcast and has_left:
+            self._end_broadcast(transaction, now_ns)
 
     # --- requests that leave while they arrive ---------------------------------------------------------
 
-    def may_lead(self, port: ControllerPort, now_ns: int) -> bool:
-        """See ``CuttingLine``: what would go out at once, if all of it had come."""
-        if self._current is not None or not self.is_up or self.rest.until_ns is not None:
+    def _may_lead(self, port: ControllerPort, now_ns: int) -> bool:
+        """See ``LeadingLine``: what would go out at once, if all of it had come."""
+        if self._transactions.current is not None or not self.is_up or self.rest.until_ns is not None:
             return False
-        if self.answers.silences or self._is_stopping or not self._waiting.only_others:
+        if self.silent_units.silences or self._is_stopping or not self._waiting.only_others:
             return False
         return port.is_motion and port.gate is None and self._link.may_lead(now_ns)
 
-    def lead(self, port: ControllerPort, expected: bytes, now_ns: int) -> None:
-        """See ``CuttingLine``. Whatever comes meanwhile waits, as for one that has left (W6)."""
-        if self._gaps.is_watching and not self._is_moving:
-            self._gaps.motion_came(now_ns)
+    def _lead(self, port: ControllerPort, expected: bytes, now_ns: int) -> Transaction | None:
+        """See ``LeadingLine``. Whatever comes meanwhile waits, as for one that has left (W6)."""
+        if self._turns.gaps.is_watching:
+            self._turns.note_motion(now_ns)
         transaction = Transaction(port, 0, expected[0], expected[1:], now_ns)
-        transaction.lead()
-        self._current = transaction
+        return transaction if self._transactions.begin(transaction) else None
 
-    def leaves(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
-        """See ``CuttingLine``. All of it has come in this moment."""
-        transaction = self._current
+    def _commit(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
+        """See ``LeadingLine``. All of it has come in this moment."""
+        transaction = self._transactions.current
         assert transaction is not None
         port = transaction.port
         assert port is not None
@@ -1370,26 +1094,35 @@ class LineExchange(CuttingLine):
         transaction.arrive(pdu, arrived_ns)
         transaction.follow(port)
         sent_pdu = leave_on(path, transaction, target, now_ns)
-        if sent_pdu is None:
-            return None
-        if self._tap is not None:  # as if it had been stored
-            self._tap.request(port, transaction.transaction_id, transaction.unit_id, pdu, now_ns)
-        transaction.take(path)
+        if sent_pdu is not None:
+            if self._tap is not None:  # as if it had been stored
+                self._tap.request(port, transaction.transaction_id, transaction.unit_id, pdu, now_ns)
+            transaction.take(path)
+        return sent_pdu
+
+    def _leave_whole(
+        self, transaction: Transaction, unit_id: int, pdu: bytes, piece: bytes, now_ns: int
+    ) -> None:
+        """See ``LeadingLine``."""
+        path, port = transaction.path, transaction.port
+        assert path is not None
+        assert port is not None
         patience_ns = max(self._response_timeout_ns, port.patience_ns)
-        transaction.leave(now_ns, transaction.unit_id, patience_ns)
+        self._transactions.send(
+            transaction, Step.LAST_PIECE, unit_id, pdu, now_ns, patience_ns=patience_ns, piece=piece
+        )
         if transaction.target is not None:
             path.left(transaction)
         if self.cuts is not None:
             self.cuts.reply.expect(transaction)
-        return sent_pdu
 
-    def spoilt(self, until_ns: int, now_ns: int) -> None:
-        """See ``CuttingLine``. If all of it comes it is a request as any other, behind the silence."""
-        transaction, self._current = self._current, None
+    def _spoilt(self, until_ns: int, now_ns: int) -> None:
+        """See ``LeadingLine``. If all of it comes it is a request as any other, behind the silence."""
+        transaction, self._transactions.current = self._transactions.current, None
         assert transaction is not None
         self._end_leaving(transaction, now_ns)
         self.rest.spoil(until_ns)
-        self._gaps.ended(transaction, now_ns, until_ns)
+        self._turns.gaps.ended(transaction, now_ns, until_ns)
         self._next(now_ns)
 
     def _end_reply(self, why: Turn, now_ns: int) -> None:
@@ -1404,16 +1137,16 @@ class LineExchange(CuttingLine):
 
     def _end_leaving(self, transaction: Transaction, now_ns: int) -> None:
         """End what never left whole: nothing of it is lost that its controller has not still to send."""
-        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, loss=None)
+        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, loss=None)
 
     def _end_broadcast(self, transaction: Transaction, now_ns: int) -> None:
         """Give the drives time to obey what all of them heard, and none of them answers."""
         self.counters.broadcasts += 1
         self.rest.turn_around(now_ns)
-        self._gaps.ended(transaction, now_ns, self.rest.until_ns)
+        self._turns.gaps.ended(transaction, now_ns, self.rest.until_ns)
         if transaction.stopping is Stopping.EARLY:
-            self._waiting.add_again(transaction.once_more())
-        self._ends.finish(transaction, Outcome.BROADCAST, now_ns)
+            self._turns.wait_again(transaction)
+        self._transactions.finish(transaction, Outcome.BROADCAST, now_ns)
         self._report(self.axes)
 
     def _report(self, axes: tuple[Axis, ...]) -> None:
@@ -1443,26 +1176,19 @@ class LineExchange(CuttingLine):
         self, transaction: Transaction, code: int, now_ns: int, *, loss: Loss | None = Loss.DENIED
     ) -> None:
         """Refuse a request that might have moved something: it never reached the drive (M3)."""
-        self._ends.finish(
+        self._transactions.finish(
             transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, loss=loss
         )
 
     def _refuse_absent(self, transaction: Transaction, now_ns: int) -> None:
         """Say that there is no link to the drives (W7)."""
         code = ExceptionCode.GATEWAY_PATH_UNAVAILABLE
-        self._ends.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.ABSENCE)
+        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.ABSENCE)
 
     def _withdraw(self, transaction: Transaction, why: str, now_ns: int) -> None:
         """End a request that its controller does not wait for any more (W5)."""
-        self._ends.finish(
+        self._transactions.finish(
             transaction, Outcome.NEVER_SENT, now_ns, code=LOST, withdrawn=why, loss=Loss.WITHDRAWN
-        )
-
-    def _overtaken(self, transaction: Transaction, why: str, now_ns: int) -> None:
-        """Withdraw what a stop has overtaken; its controller still waits, and is told (M3)."""
-        code = ExceptionCode.SERVER_DEVICE_BUSY
-        self._ends.finish(
-            transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, withdrawn=why
         )
 
     def _end_unanswered(self, transaction: Transaction, now_ns: int) -> None:
@@ -1473,7 +1199,7 @@ class LineExchange(CuttingLine):
             if frame is not None and frame.rendering is not None:
                 why = "nobody knows whether the staged target was written anew"
                 frame.axis.lose_restaged(frame.rendering, NO_RESPONSE, why)
-        self._ends.finish(transaction, outcome, now_ns, code=NO_RESPONSE, answer=Answer.ABSENCE)
+        self._transactions.finish(transaction, outcome, now_ns, code=NO_RESPONSE, answer=Answer.ABSENCE)
         if self._broken_off is not None:
             self._forget_parts_of(transaction)
 
@@ -1492,30 +1218,29 @@ class LineExchange(CuttingLine):
             self._tap.abandoned()
         self._link.abandon()
         self._end_reply(Turn.STALLED, now_ns)
-        self._current = None
+        self._transactions.current = None
         self.counters.timeouts += 1
         unit_id = transaction.wire_unit_id
         if transaction.port is not None:
-            self.answers.askers.add((transaction.port.plan.name, unit_id))
+            self.silent_units.askers.add((transaction.port.plan.name, unit_id))
         if self._link.connects:
             self._miss(transaction)
-        silence, has_died = self.answers.miss(unit_id, transaction.sent_ns, now_ns)
+        silence, has_died = self.silent_units.miss(unit_id, transaction.sent_ns, now_ns)
         if silence.timeouts == 1:
             self._on_event(Event(EventKind.DRIVE_SILENT, None, self._unanswered_by(unit_id)))
         if self._units.have_rules and self._units.stops_of(self._units.frames_of(transaction)):
             others = {id(each.port) for each in self._waiting if each.port not in (None, transaction.port)}
-            self.answers.miss_stop(unit_id, transaction.pdu, others, now_ns)
-            if self.answers.backs_off:
-                self._thin_out(transaction, now_ns)
+            self.silent_units.miss_stop(unit_id, transaction.pdu, others, now_ns)
+            self.silent_units.thin_out(transaction, now_ns)
         if transaction.stopping is Stopping.EARLY:
-            self._send_once_more(transaction, now_ns)
+            self._turns.go_again(transaction, now_ns)
         else:
             self._end_unanswered(transaction, now_ns)
         axes = self._units.axes_of(unit_id)
         for axis in axes:
             axis.fall_silent(transaction.sent_ns, now_ns)
         self._report(axes)
-        if has_died and self.answers.backs_off:
+        if has_died and self.silent_units.backs_off:
             self._on_event(Event(EventKind.DRIVE_BACKED_OFF, None, self._unanswered_by(unit_id)))
-            self._answer_waiting(now_ns)
-        self._gaps.ended(transaction, now_ns, silence.quiet_ns or None)
+            self.silent_units.answer_waiting(now_ns)
+        self._turns.gaps.ended(transaction, now_ns, silence.quiet_ns or None)

@@ -89,13 +89,7 @@ class WaitingQueue:
         return bool(self._stops)
 
     def add_stop(self, stop: Transaction) -> bool:
-        """Queue a stop in front of everything; return False when the same one waits more often than enough.
-
-        It takes the place of those like it whose controllers have given up.
-        """
-        taken = self.withdraw(lambda each: each.is_same_stop(stop) and each.is_orphan)
-        for each in taken:
-            stop.become_again(each)
+        """Queue a stop in front of everything; return False when the same waits more often than enough."""
         port = stop.port
         if port is not None and self.is_full(port) and any(each.is_same_stop(stop) for each in self):
             return False

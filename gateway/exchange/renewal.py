@@ -56,6 +56,8 @@ class Renewal:
         self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
         self._not_before_ns = 0
         self.held = Held.NOTHING
+        self.holds = False
+        """Whether it is another one: asked with each request."""
         self.held_until_ns = 0
         """While writes are held: until then."""
 
@@ -94,10 +96,12 @@ class Renewal:
         if self.held is Held.ALL:
             self.held, self.held_until_ns = Held.WRITES, now_ns + self._hold_ns
 
-    def settle(self, now_ns: int) -> None:
-        """Hold writes back no longer than they have to be."""
-        if self.held is Held.WRITES and now_ns >= self.held_until_ns:
-            self.held = Held.NOTHING
+    def settle(self, now_ns: int) -> bool:
+        """Hold writes back no longer than they have to be; return whether that has ended now."""
+        is_over = self.held is Held.WRITES and now_ns >= self.held_until_ns
+        if is_over:
+            self.held, self.holds = Held.NOTHING, False
+        return is_over
 
     def is_mute(self, now_ns: int) -> bool:
         """Whether nothing has come for as long as it takes; whether everybody was asked is not looked at."""
@@ -121,7 +125,7 @@ class Renewal:
     def renew(self, now_ns: int) -> None:
         """The connection is broken off."""
         if self.may_have_written:
-            self.held = Held.ALL
+            self.held, self.holds = Held.ALL, True
         self._not_before_ns = now_ns + int(self._backoff.next_s() * NS_PER_S)
         self.begin()
 

@@ -1,6 +1,6 @@
 """The pauses of a whole line (W6): the turnaround after a broadcast, the silence after what nobody asked for.
 
-The silence after a time-out belongs to the unit id that did not answer: ``exchange.answers``.
+The silence after a time-out belongs to the unit id that did not answer: ``exchange.silent_units``.
 """
 
 from enum import Enum

@@ -1,17 +1,26 @@
 """One request from its arrival to its end: why nothing is sent twice, and what each end leaves behind.
 
-A :class:`Transaction` is in one :class:`Phase`, and goes from one to the next only as :data:`PHASE_AFTER`
-says. That is asserted at each step but the two usual ones, which stand in it (a test walks them all). Its
-own frame leaves once: a frame may leave only from ``WAITING`` (:meth:`Transaction.leave`, asked by the line
-in the one place where frames leave), and no phase leads back to ``WAITING`` from ``SENT``. A prerequisite,
-which the gateway adds, may come before it, as often as it takes; each is another frame. What leaves while
-it still arrives (``LEAVING``) is no frame before its check sum has left: until then it ends as if it had
-never been sent, spoilt so that no drive takes it for one (``cut_through``).
+Why nothing is sent twice:
 
-A transaction ends once, in :meth:`Endings.finish`, with one :class:`~gateway.exchange.axis.events.Outcome`;
-one that went the fast path and was answered as usual ends in ``LineExchange.reply``, in the same steps.
-Which outcomes an end may have follows from the phase (:data:`OUTCOMES`): what never left cannot have been
-acknowledged, and what left cannot be withdrawn.
+1. Bytes of requests reach the drives in one place, :meth:`Transactions.send`. Nothing else does.
+2. :class:`Phase` says how far a :class:`Transaction` has come. Each step goes through
+   :meth:`Transactions.go_on`, which looks it up in :data:`PHASE_AFTER`. A step without a row is a bug:
+   nothing is sent, and it is told. In tests it is raised (``axis.impossible``).
+3. Its own frame leaves from WAITING, in pieces from LEAVING. Both lead to SENT. From SENT the only way is to
+   ENDED, and from ENDED there is none.
+4. WAITING comes again only after PREREQUISITE. What left then was another frame: one that the gateway added.
+5. What leaves in LEAVING is no frame before its check sum has left. A transaction that ends there has not
+   been sent: no drive takes what left for a frame (``cut_through``).
+6. A stop may leave twice, for to stop once too often does no harm. The second time it is another transaction.
+   :data:`STOP_AFTER` has a row ``GOES_AGAIN`` for each state from which one is made, and none for what is no
+   stop or does more than stop.
+
+Two equal requests of a controller are two transactions: it has asked twice.
+
+The rows of :data:`PHASE_AFTER` that lead to ENDED say how a transaction may end in each phase. What never
+left cannot have been acknowledged, and what left cannot be withdrawn. A transaction ends once, in
+:meth:`Transactions.finish`; one that went the fast path and was answered as usual ends in
+``LineExchange.reply``, in the same steps.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,12 +33,13 @@ from gateway.exchange.access import only_reads
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.axis.acknowledge import Outcome, Rendering, SteadyTarget
 from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.impossible import IGNORED, sentence_of
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.decode import Frame
 from gateway.exchange.effects import finish
 from gateway.exchange.events import Event, EventKind
-from gateway.exchange.ports import ControllerPort
+from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.reply import note_discrete, outcome_of, reply_without_positions, turned_back
 from gateway.exchange.request import Known, Request
 from gateway.exchange.tap import Tap
@@ -61,23 +71,51 @@ class Phase(Enum):
     """Its outcome is known, and nothing leaves for it any more."""
 
 
-PHASE_AFTER: Final = {
-    Phase.WAITING: frozenset({Phase.PREREQUISITE, Phase.LEAVING, Phase.SENT, Phase.ENDED}),
-    Phase.PREREQUISITE: frozenset({Phase.WAITING, Phase.ENDED}),
-    Phase.LEAVING: frozenset({Phase.SENT, Phase.ENDED}),
-    Phase.SENT: frozenset({Phase.ENDED}),
-    Phase.ENDED: frozenset(),
-}
-"""Where each phase may lead."""
+class Step(Enum):
+    """What takes a transaction from one phase to the next, beside its end, which is an ``Outcome``."""
 
-OUTCOMES: Final = {
-    Phase.WAITING: frozenset({Outcome.NEVER_SENT}),
-    Phase.PREREQUISITE: frozenset({Outcome.NEVER_SENT}),
-    Phase.LEAVING: frozenset({Outcome.NEVER_SENT}),
-    Phase.SENT: frozenset(set(Outcome) - {Outcome.NEVER_SENT}),
-    Phase.ENDED: frozenset(),
+    __hash__ = object.__hash__
+
+    FRAME = "frame"
+    """Its own frame leaves, whole."""
+    ADDED_FRAME = "added-frame"
+    """A frame of the gateway's own leaves, which it needs first."""
+    ANSWERED = "answered"
+    """What it needed first was answered, or the link was lost with a read: it waits for its turn again."""
+    BEGINS = "begins"
+    """It begins to leave while it still arrives: its first bytes are written next."""
+    PIECE = "piece"
+    """Bytes of its own frame leave while it still arrives, or fill it up so that it is no frame."""
+    LAST_PIECE = "last-piece"
+    """The last bytes of its own frame leave, with its check sum: all of it has come."""
+
+
+PHASE_AFTER: Final[dict[Phase, dict[Step | Outcome, Phase]]] = {
+    Phase.WAITING: {
+        Step.FRAME: Phase.SENT,
+        Step.ADDED_FRAME: Phase.PREREQUISITE,
+        Step.BEGINS: Phase.LEAVING,
+        Outcome.NEVER_SENT: Phase.ENDED,  # refused, withdrawn, or answered for
+    },
+    Phase.PREREQUISITE: {
+        Step.ANSWERED: Phase.WAITING,
+        Outcome.NEVER_SENT: Phase.ENDED,  # what it needed was refused, or not answered
+    },
+    Phase.LEAVING: {
+        Step.PIECE: Phase.LEAVING,
+        Step.LAST_PIECE: Phase.SENT,
+        Outcome.NEVER_SENT: Phase.ENDED,  # spoilt
+    },
+    Phase.SENT: {
+        Outcome.ACKNOWLEDGED: Phase.ENDED,
+        Outcome.EXCEPTION: Phase.ENDED,
+        Outcome.OTHER_REPLY: Phase.ENDED,
+        Outcome.NO_REPLY: Phase.ENDED,
+        Outcome.BROADCAST: Phase.ENDED,
+    },
+    Phase.ENDED: {},
 }
-"""How a transaction may end in each phase."""
+"""Where each step and each outcome leads. What is not there cannot be."""
 
 
 class Stopping(Enum):
@@ -97,22 +135,43 @@ class Stopping(Enum):
     """It does more than stop, which must not be done twice: it goes first, when no late frame can come."""
 
 
-STOP_AFTER: Final = {
-    Stopping.NO: frozenset({Stopping.FIRST, Stopping.ONCE}),
-    Stopping.FIRST: frozenset({Stopping.EARLY, Stopping.AGAIN}),
-    Stopping.EARLY: frozenset(),
-    Stopping.AGAIN: frozenset({Stopping.AGAIN}),
-    Stopping.ONCE: frozenset(),
+class StopEvent(Enum):
+    """What happens to a stop."""
+
+    __hash__ = object.__hash__
+
+    FOUND = "found"
+    """It is found to stop an axis, and cannot leave as it comes. It does nothing else."""
+    FOUND_WITH_MORE = "found-with-more"
+    """The same, and it does more than stop."""
+    LEAVES_EARLY = "leaves-early"
+    """It leaves now, although a late frame may come in the place of its reply."""
+    REPLACES = "replaces"
+    """It takes the place of the same stop that waited in AGAIN."""
+    GOES_AGAIN = "goes-again"
+    """It left, and goes once more, as another transaction. The row says how that one begins."""
+
+
+STOP_AFTER: Final[dict[Stopping, dict[StopEvent, Stopping | None]]] = {
+    Stopping.NO: {StopEvent.FOUND: Stopping.FIRST, StopEvent.FOUND_WITH_MORE: Stopping.ONCE},
+    Stopping.FIRST: {
+        StopEvent.LEAVES_EARLY: Stopping.EARLY,
+        StopEvent.REPLACES: Stopping.AGAIN,
+        StopEvent.GOES_AGAIN: Stopping.AGAIN,  # it left while writes were held back (``renewal``)
+    },
+    Stopping.EARLY: {StopEvent.GOES_AGAIN: Stopping.AGAIN},  # its own echo did not come
+    Stopping.AGAIN: {
+        StopEvent.REPLACES: Stopping.AGAIN,
+        StopEvent.GOES_AGAIN: Stopping.AGAIN,  # as in FIRST
+    },
+    Stopping.ONCE: {StopEvent.REPLACES: IGNORED},
 }
-"""Where each may lead. What follows one that was sent early is another transaction."""
+"""Where each event leads. What is not there cannot be; :data:`IGNORED` changes nothing."""
 
 _WAITING: Final = Phase.WAITING  # a member is looked up slowly, and these are asked for with each request
-_PREREQUISITE: Final = Phase.PREREQUISITE
-_LEAVING: Final = Phase.LEAVING
-_SENT: Final = Phase.SENT
-_ENDED: Final = Phase.ENDED
 _NO_STOP: Final = Stopping.NO
-_ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
+_PIECE: Final = Step.PIECE
+_LAST_PIECE: Final = Step.LAST_PIECE
 
 
 class Answer(Enum):
@@ -271,13 +330,6 @@ class Transaction:
             self.known = Known()
         return self.known
 
-    def become_stop(self, *, only_stops: bool = True) -> None:
-        """Note that it stops an axis: it goes before everything else, and is never given up.
-
-        ``only_stops``: it does nothing else, and may leave twice.
-        """
-        self._stop_goes_on(Stopping.FIRST if only_stops else Stopping.ONCE)
-
     def become_odd(self) -> None:
         """Note that it is an odd frame: it counts as a write."""
         self.is_odd = True
@@ -285,24 +337,6 @@ class Transaction:
     def deny(self) -> None:
         """Note that it has no room, and is refused in its turn."""
         self.is_denied = True
-
-    def leave_early(self) -> None:
-        """Note that it is a stop, and that a late frame may come in the place of its reply."""
-        self._stop_goes_on(Stopping.EARLY)
-
-    def become_again(self, before: "Transaction") -> None:
-        """Take the place of the same stop, which may have been sent early and not answered."""
-        if before.stopping is Stopping.AGAIN and self.stopping is not Stopping.ONCE:
-            self._stop_goes_on(Stopping.AGAIN)
-
-    def once_more(self) -> "Transaction":
-        """Return the same stop, to go once more when no late frame can come in the place of its reply."""
-        again = Transaction(self.port, self.transaction_id, self.unit_id, self.pdu, self.arrived_ns)
-        again.become_stop()
-        again._stop_goes_on(Stopping.AGAIN)
-        if self.is_orphan:
-            again.give_up()
-        return again
 
     @property
     def waits_for_silence(self) -> bool:
@@ -336,7 +370,7 @@ class Transaction:
         """Until when it waits for the link to the drives; a stop as long as its controller waits for it."""
         return self.given_up_ns if self.is_stop else self.leave_by_ns
 
-    # --- phases ----------------------------------------------------------------------------------------
+    # --- its turn --------------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> None:
         """Note that it is its turn: after it waited for the line, or for a frame that goes first."""
@@ -366,42 +400,10 @@ class Transaction:
         """Note how the positions that it reads on a fast path are turned back."""
         self.readbacks = readbacks
 
-    def lead(self) -> None:
-        """The first bytes of its own frame leave, while it still arrives. It has a deadline elsewhere."""
-        self._go_on(_LEAVING)
-        self.sent_ns = self.arrived_ns
-        self.deadline_ns = NEVER_NS
-
     def arrive(self, pdu: bytes, arrived_ns: int) -> None:
         """All of it has come while it was leaving: this is what it says."""
-        assert self.phase is _LEAVING
         self.pdu, self.arrived_ns, self.early_ns = pdu, arrived_ns, arrived_ns - self.sent_ns
         self.frames = None
-
-    def leave(self, now_ns: int, unit_id: int, patience_ns: int) -> None:
-        """A frame leaves for it now: its own, which does so once, or one that it needs first.
-
-        One that leaves while it arrives does so with its check sum.
-        """
-        if self.added is None and self.phase is _WAITING:
-            self.phase = _SENT  # as ``_go_on`` would, without looking the usual step up
-        else:
-            self._go_on(_SENT if self.added is None or self.port is None else _PREREQUISITE)
-        self.sent_ns = now_ns
-        self.wire_unit_id = unit_id
-        self.deadline_ns = now_ns + patience_ns
-
-    def learn(self) -> None:
-        """What it needed first was answered: it waits for its turn again."""
-        self._go_on(_WAITING)
-
-    def _go_on(self, phase: Phase) -> None:
-        assert phase in PHASE_AFTER[self.phase], f"from phase {self.phase.value} to {phase.value}"
-        self.phase = phase
-
-    def _stop_goes_on(self, stopping: Stopping) -> None:
-        assert stopping in STOP_AFTER[self.stopping], f"a stop from {self.stopping.value} to {stopping.value}"
-        self.stopping = stopping
 
     def hold_up(self) -> None:
         """It waits for the link to the drives."""
@@ -418,14 +420,6 @@ class Transaction:
     def give_up(self) -> None:
         """Its controller does not wait for it any more: a reply is taken note of and then dropped."""
         self.is_orphan = True
-
-    def end(self, outcome: Outcome) -> None:
-        """It ends, once, in a way that is possible in its phase."""
-        if self.phase is _SENT and outcome is _ACKNOWLEDGED:
-            self.phase = _ENDED  # the usual step, as above
-            return
-        assert outcome in OUTCOMES[self.phase], f"{outcome.value} in phase {self.phase.value}"
-        self._go_on(_ENDED)
 
     def is_same_stop(self, other: "Transaction") -> bool:
         """Whether this is a stop that says the same to the same drive."""
@@ -445,14 +439,15 @@ class Transaction:
         return ""
 
 
-class Endings:
-    """How the transactions of a line end.
+class Transactions:
+    """The transactions of one line: nothing else takes one from phase to phase, sends it, or ends it.
 
     Args:
         counters: of the line.
         on_event: hears what is worth a word.
         lose: notes what a request that never left would have written (``ownership``).
         unit_of: the register map of a unit id.
+        link: the way to the drives.
         tap: listens.
     """
 
@@ -462,14 +457,119 @@ class Endings:
         on_event: Callable[[Event], None],
         lose: Callable[[Transaction, int, Loss], None],
         unit_of: Callable[[int], UnitMap | None],
+        link: DriveLink,
+        *,
         tap: Tap | None = None,
     ) -> None:
         self._tap = tap
+        self._link = link
         self._counters = counters
         self._on_event = on_event
         self._lose = lose
         self._unit_of = unit_of
         self._withdrawals: Reports[tuple[str, str]] = Reports(NS_PER_S, others=others_of_pairs)
+        self.current: Transaction | None = None
+        """The one on the wire: it is leaving, or its reply has not come."""
+
+    # --- steps -----------------------------------------------------------------------------------------
+
+    def go_on(self, transaction: Transaction, event: Step | Outcome) -> bool:
+        """Take a step of :data:`PHASE_AFTER`; return whether there is one. If not, nothing has changed."""
+        after = PHASE_AFTER[transaction.phase].get(event)
+        if after is None:
+            self._tell_fault(sentence_of("transaction", transaction.phase, event))
+            return False
+        transaction.phase = after
+        return True
+
+    def begin(self, transaction: Transaction) -> bool:
+        """Let a request have the line from now on that leaves while it arrives; return whether it may.
+
+        It has its deadline elsewhere.
+        """
+        if not self.go_on(transaction, Step.BEGINS):
+            return False
+        transaction.sent_ns, transaction.deadline_ns = transaction.arrived_ns, NEVER_NS
+        self.current = transaction
+        return True
+
+    def send(
+        self,
+        transaction: Transaction,
+        step: Step,
+        unit_id: int,
+        pdu: bytes,
+        now_ns: int,
+        *,
+        patience_ns: int = 0,
+        piece: bytes = b"",
+    ) -> bool:
+        """Let a frame leave, or a piece of one: all bytes of requests leave here. Return whether it left.
+
+        Args:
+            transaction: for which it leaves; it is the one on the wire then.
+            step: its own frame, one that it needs first, or a piece of its own.
+            unit_id: of the frame.
+            pdu: of the frame; of one of which the last piece leaves, all of it.
+            now_ns: when.
+            patience_ns: so long its reply is waited for.
+            piece: the bytes that leave, where it is a piece.
+        """
+        if not self.go_on(transaction, step):
+            return False
+        if step is _PIECE:
+            self._link.lead(piece)
+            return True
+        transaction.sent_ns = now_ns
+        transaction.wire_unit_id = unit_id
+        transaction.deadline_ns = now_ns + patience_ns
+        if self._tap is not None:
+            self._tap.sent(unit_id, pdu)
+        if step is _LAST_PIECE:
+            self._link.leave(unit_id, pdu, piece)
+            return True
+        if unit_id != BROADCAST_UNIT_ID or not self._link.is_serial:  # nobody answers a broadcast
+            self.current = transaction
+        self._link.send_request(unit_id, pdu)
+        return True
+
+    def stop_goes_on(self, stop: Transaction, event: StopEvent) -> None:
+        """Take a step of :data:`STOP_AFTER` with a transaction itself."""
+        after = self._after_stop(stop, event)
+        if after is not None:
+            stop.stopping = after
+
+    def replace(self, before: Transaction, stop: Transaction) -> None:
+        """Let a stop take the place of the same one, which may have been sent early and not answered."""
+        if before.stopping is Stopping.AGAIN:
+            self.stop_goes_on(stop, StopEvent.REPLACES)
+
+    def once_more(self, stop: Transaction) -> Transaction | None:
+        """Return the same stop, to go once more when no late frame can come in the place of its reply.
+
+        None: that cannot be (:data:`STOP_AFTER`).
+        """
+        after = self._after_stop(stop, StopEvent.GOES_AGAIN)
+        if after is None:
+            return None
+        again = Transaction(stop.port, stop.transaction_id, stop.unit_id, stop.pdu, stop.arrived_ns)
+        again.stopping = after
+        again.is_orphan = stop.is_orphan
+        return again
+
+    def _after_stop(self, stop: Transaction, event: StopEvent) -> Stopping | None:
+        row = STOP_AFTER[stop.stopping]
+        if event not in row:
+            self._tell_fault(sentence_of("stop", stop.stopping, event))
+            return None
+        return row[event]
+
+    def _tell_fault(self, sentence: str) -> None:
+        """Tell of something that cannot be: a bug of this program."""
+        self._counters.internal_faults += 1
+        self._on_event(Event(EventKind.INTERNAL_FAULT, None, sentence))
+
+    # --- ends ------------------------------------------------------------------------------------------
 
     def finish(
         self,
@@ -496,7 +596,12 @@ class Endings:
             loss: how what it would have written is lost, where it never left (M3); None for those who have
                 no right to write, and where that was noted already.
         """
-        transaction.end(outcome)
+        if not self.go_on(transaction, outcome):
+            if transaction.phase is Phase.ENDED:
+                return
+            # The safest: of what may have reached its drive nobody knows what it did.
+            outcome = Outcome.NO_REPLY if transaction.phase is Phase.SENT else Outcome.NEVER_SENT
+            transaction.phase = PHASE_AFTER[transaction.phase][outcome]
         if outcome is Outcome.NEVER_SENT:
             if loss is not None and transaction.port is not None and not transaction.only_reads:
                 self._lose(transaction, code, loss)

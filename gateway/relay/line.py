@@ -394,7 +394,7 @@ class Line:
 
     def _was_of_use(self, made_ns: int) -> bool:
         """Whether a connection gave an answer, or lived for more than a second and was asked nothing."""
-        has_answered = self._exchange.answers.last_answered_ns >= made_ns
+        has_answered = self._exchange.silent_units.last_answered_ns >= made_ns
         return has_answered or (not self._link.was_asked and boot_ns() - made_ns > NS_PER_S)
 
     def _frames(self) -> dict[str, int]:

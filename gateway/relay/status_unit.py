@@ -10,10 +10,10 @@ from typing import Final, Generic, TypeVar
 
 from gateway.catalogue import troubles as kinds
 from gateway.catalogue.entry import Severity
-from gateway.exchange.answers import Reach, Silence
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import OwnUnit
+from gateway.exchange.silent_units import Reach, Silence
 from gateway.exchange.status import compensation_state, direction_state
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.times import NS_PER_MS, NS_PER_S
@@ -77,7 +77,7 @@ class OfLine:
         of_axes = {axis.plan.unit_id for axis in exchange.axes}
         self.silent: dict[int, Silence] = {
             unit_id: silence
-            for unit_id, silence in sorted(exchange.answers.silences.items())
+            for unit_id, silence in sorted(exchange.silent_units.silences.items())
             if silence.reach is not Reach.ANSWERS
             and now_ns - silence.since_ns >= SILENT_NS
             and (unit_id in of_axes or silence.timeouts >= kinds.FEWEST_ASKED)

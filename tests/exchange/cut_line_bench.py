@@ -199,7 +199,7 @@ class Site:
 
     def serve(self) -> None:
         """Let the drive answer what is on the wire, in this moment."""
-        current = self.line._current
+        current = self.line._transactions.current
         assert current is not None
         self.answer(frame_of(self.bench.memory.answer(self.link.sent[-1][1]), current.wire_unit_id))
 

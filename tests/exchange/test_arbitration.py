@@ -106,7 +106,7 @@ def test_one_that_came_during_motion_goes_in_the_same_instant_that_motion_ends()
     plant.at(102)
     plant.answer()
     assert plant.on_wire() == WATCH
-    assert plant.now_ns == plant.line._current.sent_ns  # type: ignore[union-attr]
+    assert plant.now_ns == plant.line._transactions.current.sent_ns  # type: ignore[union-attr]
 
 
 def busy_with_a_long_one() -> Plant:

@@ -1,7 +1,7 @@
 """The tables of states, walked: each happening in each state, reached and caused by what a line does."""
 
 from collections.abc import Callable
-from itertools import pairwise, product
+from itertools import product
 from typing import Final
 
 import pytest
@@ -10,7 +10,6 @@ from gateway.compensation.moves import Accepted
 from gateway.compiled import is_compiled
 from gateway.drives.motion import Action
 from gateway.exchange.access import Access
-from gateway.exchange.added_frames import AddedFrame, read_word
 from gateway.exchange.axis import impossible
 from gateway.exchange.axis.acknowledge import ON_WIRE_AFTER, OnWire, Outcome, Rendering, WireEvent
 from gateway.exchange.axis.axis import Axis
@@ -26,12 +25,11 @@ from gateway.exchange.axis.reference import (
 from gateway.exchange.decode import AxisCommand, Frame
 from gateway.exchange.effects import finish
 from gateway.exchange.events import EventKind
-from gateway.exchange.plan import ControllerPlan, Reference
+from gateway.exchange.plan import Reference
 from gateway.exchange.request import NOTHING_KNOWN, Request
-from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase, Stopping, Transaction
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.registers import BitField
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan
 
 # --- where the axis is -------------------------------------------------------------------------------------
 
@@ -535,122 +533,3 @@ def test_the_table_of_what_is_on_the_wire_is_what_a_record_says() -> None:
         for state, cell in zip(head, cells, strict=True)
     }
     assert {(state, e): then for state, row in ON_WIRE_AFTER.items() for e, then in row.items()} == expected
-
-
-# --- a transaction -----------------------------------------------------------------------------------------
-
-
-def a_transaction(phase: Phase) -> Transaction:
-    transaction = Transaction(Port(ControllerPlan("cnc")), 1, 1, b"\x03\0\0\0\1", 0)
-    if phase is Phase.PREREQUISITE:
-        transaction.need(read_word(an_axis(), 0x10))
-        transaction.leave(1, 1, MS)
-    elif phase is Phase.LEAVING:
-        transaction.lead()
-    elif phase is Phase.SENT:
-        transaction.leave(1, 1, MS)
-    elif phase is Phase.ENDED:
-        transaction.end(Outcome.NEVER_SENT)
-    assert transaction.phase is phase
-    return transaction
-
-
-def leave(transaction: Transaction, added: AddedFrame | None) -> None:
-    transaction.need(added)
-    transaction.leave(2, 1, MS)
-
-
-@pytest.mark.parametrize(("phase", "after"), list(product(Phase, Phase)))
-def test_a_transaction_goes_on_as_the_table_says(phase: Phase, after: Phase) -> None:
-    transaction = a_transaction(phase)
-    steps: dict[Phase, Callable[[], None]] = {
-        Phase.WAITING: transaction.learn,
-        Phase.PREREQUISITE: lambda: leave(transaction, read_word(an_axis(), 0x10)),
-        Phase.LEAVING: transaction.lead,
-        Phase.SENT: lambda: leave(transaction, None),
-        Phase.ENDED: lambda: transaction.end(next(iter(OUTCOMES[phase]))),
-    }
-    if after in PHASE_AFTER[phase]:
-        steps[after]()
-        assert transaction.phase is after
-    else:
-        with pytest.raises((AssertionError, StopIteration)):
-            steps[after]()
-        assert transaction.phase is phase
-
-
-@pytest.mark.parametrize(("phase", "outcome"), list(product(Phase, Outcome)))
-def test_only_what_left_can_be_answered_and_only_what_did_not_can_be_withdrawn(
-    phase: Phase, outcome: Outcome
-) -> None:
-    transaction = a_transaction(phase)
-    may = {
-        Phase.WAITING: outcome is Outcome.NEVER_SENT,
-        Phase.PREREQUISITE: outcome is Outcome.NEVER_SENT,
-        Phase.LEAVING: outcome is Outcome.NEVER_SENT,
-        Phase.SENT: outcome is not Outcome.NEVER_SENT,
-        Phase.ENDED: False,
-    }[phase]
-    if may:
-        transaction.end(outcome)
-        assert transaction.phase is Phase.ENDED
-    else:
-        with pytest.raises(AssertionError):
-            transaction.end(outcome)
-
-
-@pytest.mark.parametrize(
-    ("stopping", "step", "after"),
-    [
-        ("no", "become_stop", "first"),
-        ("no", "leave_early", None),
-        ("no", "become_again", None),
-        ("first", "become_stop", None),
-        ("first", "leave_early", "early"),
-        ("first", "become_again", "again"),
-        ("early", "become_stop", None),
-        ("early", "leave_early", None),
-        ("early", "become_again", None),
-        ("again", "become_stop", None),
-        ("again", "leave_early", None),
-        ("again", "become_again", "again"),
-        ("once", "become_stop", None),
-        ("once", "leave_early", None),
-        ("once", "become_again", "once"),
-    ],
-)
-def test_a_stop_leaves_early_once_and_once_more_at_most(stopping: str, step: str, after: str | None) -> None:
-    sent_before = a_transaction(Phase.WAITING)
-    sent_before.become_stop()
-    again = sent_before.once_more()
-    assert again.stopping is Stopping.AGAIN
-    stop = a_transaction(Phase.WAITING)
-    if stopping != "no":
-        stop.become_stop(only_stops=stopping != "once")
-    if stopping == "early":
-        stop.leave_early()
-    elif stopping == "again":
-        stop.become_again(again)
-    assert stop.stopping.value == stopping
-    steps: dict[str, Callable[[], None]] = {
-        "become_stop": stop.become_stop,
-        "leave_early": stop.leave_early,
-        "become_again": lambda: stop.become_again(again),
-    }
-    if after is None:
-        with pytest.raises(AssertionError):
-            steps[step]()
-    else:
-        steps[step]()
-        assert stop.stopping.value == after
-
-
-def test_no_way_leads_to_sending_twice() -> None:
-    """Walked to the end: on each way from the arrival SENT comes once at most."""
-    ways: list[tuple[Phase, ...]] = [(Phase.WAITING,)]
-    for _ in range(8):
-        ways = [(*way, after) for way in ways for after in PHASE_AFTER[way[-1]]]
-        for way in ways:
-            assert way.count(Phase.SENT) <= 1
-            assert way.count(Phase.LEAVING) <= 1
-            assert all(b in PHASE_AFTER[a] for a, b in pairwise(way))

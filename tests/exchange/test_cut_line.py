@@ -70,7 +70,7 @@ def test_a_setpoint_leaves_four_characters_behind_itself_and_its_reply_two() -> 
     began_ns = line.come(frame_of(NEXT))
     assert line.to_drives(began_ns) == WHOLE
     assert is_intact(bytes.fromhex(" ".join(data for _, data in WHOLE)))
-    current = line.line._current
+    current = line.line._transactions.current
     assert current is not None
     assert (current.phase, current.arrived_ns) == (Phase.SENT, began_ns + 13 * MS)
     line.pass_to(began_ns + 20 * MS)
@@ -232,7 +232,7 @@ def test_a_target_that_may_not_leave_is_judged_in_its_turn_behind_the_silence() 
     assert when == 27.825
     assert is_intact(bytes.fromhex(sent))
     assert line.requests() == {Turn.REFUSED: 1}
-    current = line.line._current
+    current = line.line._transactions.current
     assert current is not None
     assert (current.pdu, current.path) == (turned, None)
 
@@ -454,7 +454,7 @@ def test_what_would_not_go_out_at_once_is_stored(what: str) -> None:
     elif what == "resting":
         line.line.rest.drain(line.bench.now_ns)
     elif what == "silent":
-        line.line.answers.miss(1, line.bench.now_ns, line.bench.now_ns)
+        line.line.silent_units.miss(1, line.bench.now_ns, line.bench.now_ns)
     elif what == "stopping":
         line.line.stop(line.bench.now_ns)
     elif what == "link":
@@ -642,11 +642,11 @@ def test_each_end_in_each_state_leaves_a_line_that_works(state: str, end: Callab
     line = site(PLAN, staged_plan(name="y", unit_id=2))
     frame = frame_of(NEXT)
     began_ns = line.come(frame[: STATES[state]])
-    has_begun = line.line._current is not None
+    has_begun = line.line._transactions.current is not None
     assert has_begun == (state != "begun")
     if has_begun:
-        assert line.line._current is not None
-        assert line.line._current.phase is Phase.LEAVING
+        assert line.line._transactions.current is not None
+        assert line.line._transactions.current.phase is Phase.LEAVING
     end(line)
     line.come(frame[STATES[state] :])
     left = line.to_drives(began_ns)
@@ -662,14 +662,14 @@ def test_each_end_in_each_state_leaves_a_line_that_works(state: str, end: Callab
     # Whatever is owed is answered, then the line is as any other, and the next setpoint goes through.
     for _ in range(4):
         line.pass_to(line.bench.now_ns + 1500 * MS)
-        if line.line._current is not None:
+        if line.line._transactions.current is not None:
             line.serve()
     assert line.line.is_idle
     assert line.line.rest.until_ns is None
     line.forget()
     line.hear(line.cnc, frame_of(write(COMMAND, 10_080)))
     for _ in range(4):
-        if line.line._current is not None:
+        if line.line._transactions.current is not None:
             line.serve()
     assert line.cnc.replies[-1] == (0, 1, NEXT[:5])
     assert line.line.axes[0].fields[0].nominal_words == write(COMMAND, 10_080)[6:]

@@ -49,7 +49,7 @@ class Witness:
             elif number < len(left) - 1:
                 continue
             else:
-                current = self.line.line._current
+                current = self.line.line._transactions.current
                 is_leaving = current is not None and current.phase is Phase.LEAVING
                 assert is_leaving or not self.line.line.is_up, f"cut short: {frame.hex(' ')}"
                 return
@@ -94,7 +94,7 @@ def step(line: Site, rng: Random, coming: bytes) -> bytes:
         line.cutters[line.cnc].heads._leads.update(line.cutter.heads._leads)
         line.cutters[line.cnc].heads._expected.update(line.cutter.heads._expected)
         return b""
-    current = line.line._current
+    current = line.line._transactions.current
     if current is not None and current.phase is not Phase.LEAVING and rng.random() < 0.5:
         line.reply(frame_of(line.bench.memory.answer(line.link.sent[-1][1]), current.wire_unit_id))
     return coming
@@ -118,10 +118,10 @@ def walked(rng: Random) -> dict[Turn, int]:
     witness = Witness(line)
     counts, coming = 10_000, b""
     for _ in range(STEPS):
-        current = line.line._current
+        current = line.line._transactions.current
         if current is not None and current.phase is not Phase.LEAVING and rng.random() < 0.7:
             line.reply(frame_of(line.bench.memory.answer(line.link.sent[-1][1]), current.wire_unit_id))
-        if not coming and line.line._current is None:
+        if not coming and line.line._transactions.current is None:
             counts += 40
             line.pass_to(line.bench.now_ns + 6 * CHAR_NS)
             coming = frame_of(write(COMMAND, counts))

@@ -54,7 +54,7 @@ class Way:
         bench.send(pdu)
         [(unit_id, sent)] = bench.link.sent
         bench.link.sent.clear()
-        transaction = bench.line._current
+        transaction = bench.line._transactions.current
         assert isinstance(transaction, Transaction)
         reply = reply or bench.memory.answer(sent)
         shape = reply_shape_of(transaction)
@@ -105,8 +105,8 @@ def test_the_shapes_of_replies() -> None:
     found = []
     for pdu in (write(COMMAND, 10_040), read(ACTUAL), BLOCK, bytes.fromhex("03 01 00 00 02")):
         way.bench.send(pdu)
-        assert way.bench.line._current is not None
-        found.append(reply_shape_of(way.bench.line._current))
+        assert way.bench.line._transactions.current is not None
+        found.append(reply_shape_of(way.bench.line._transactions.current))
         way.bench.serve()
         way.bench.port.take()
     assert found == [acknowledgement_shape(), reply_shape(2, [(0, 2)]), reply_shape(3, [(0, 2)]), None]
@@ -115,7 +115,7 @@ def test_the_shapes_of_replies() -> None:
 def begun(way: Way, pdu: bytes) -> tuple[Transaction, CutThrough]:
     """Send a request; return it, and a cutter for its reply."""
     way.bench.send(pdu)
-    transaction = way.bench.line._current
+    transaction = way.bench.line._transactions.current
     assert transaction is not None
     judge = ReplyJudge(transaction, way.replies, lambda: True)
     return transaction, CutThrough(ReplyArrival(1, pdu), judge, PACE, way.turns.append)

@@ -11,7 +11,7 @@ from gateway.exchange.cut_through import Cut, CutThrough, Turn
 from gateway.exchange.dispatch import Units
 from gateway.exchange.leads import LEARNED_AFTER, Piece, read_shape, write_shape
 from gateway.exchange.plan import AxisPlan
-from gateway.exchange.transaction import FastPath, Phase, Transaction
+from gateway.exchange.transaction import FastPath, Transaction
 from gateway.modbus.crc import INVERTED, append_crc, residue_after
 from gateway.modbus.rtu_arrival import Known, RequestArrival
 from tests.exchange.cut_bench import CHAR_NS, PACE, characters, play
@@ -63,10 +63,8 @@ class Way:
 
         def leaves(path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
             transaction = Transaction(self.bench.port, 0, 1, pdu, now_ns)
-            transaction.lead()
             sent = leave_on(path, transaction, target, now_ns)
             if sent is not None:
-                transaction.leave(now_ns, 1, MS)
                 self.left.append(transaction)
             return sent
 
@@ -101,7 +99,6 @@ def test_a_stream_leaves_as_the_line_would_have_sent_it(seed: int) -> None:
         outcomes.append(cut.state)
         if cut.state is Cut.WHOLE:
             assert cut.left == frame_of(sent)
-            assert way.left[-1].phase is Phase.SENT
         elif cut.state is Cut.SPOILT:  # the way turns: the slow path decides, and the drive gets no frame
             assert way.turns[-1] is Turn.REFUSED
             assert residue_after(cut.left) == INVERTED

@@ -163,7 +163,7 @@ class Twins:
             if pdu[0] != 3:
                 bench.serve_reads()
         self.compare()
-        current = self.short.line._current
+        current = self.short.line._transactions.current
         if current is not None and type(current.path) in self.ways:
             self.ways[type(current.path)] += 1
         for bench in self.benches:
@@ -322,8 +322,8 @@ def test_a_request_whose_length_contradicts_its_head_goes_the_long_way() -> None
     bench.send(
         good + b"\0"
     )  # no word of it is mapped, so it passes as it is, but nobody remembers it as usual
-    assert bench.line._current is not None
-    assert bench.line._current.path is None
+    assert bench.line._transactions.current is not None
+    assert bench.line._transactions.current.path is None
 
 
 def test_no_more_heads_are_remembered_than_asked_for() -> None:

@@ -70,8 +70,8 @@ class Walk:
         bench, line, draw = self.bench, self.bench.line, self.random.random()
         if draw < 0.35:
             self.ask()
-        elif draw < 0.6 and line._current is not None:
-            transaction, sent = line._current, self.on_wire
+        elif draw < 0.6 and line._transactions.current is not None:
+            transaction, sent = line._transactions.current, self.on_wire
             bench.now_ns += MS
             refuses = self.random.random() < 0.1
             reply = bytes((sent[0] | 0x80, 4)) if refuses else bench.memory.answer(sent)

@@ -259,4 +259,4 @@ def test_w11_an_answer_ends_it() -> None:
     bench.line.reply(5, START, bench.now_ns)
     assert bench.port.take() == START
     assert bench.kinds()[-1] == "drive-answers"
-    assert bench.line.answers.silences == {}
+    assert bench.line.silent_units.silences == {}

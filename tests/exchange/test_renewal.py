@@ -107,12 +107,12 @@ def test_a_renewal_is_neither_a_lost_link_nor_a_sign_of_life() -> None:
     bench.actual()
     place = bench.line.axes[0].motion.state
     mute(bench)
-    silence = bench.line.answers.silences[1]
+    silence = bench.line.silent_units.silences[1]
     since_ns, due_ns = silence.since_ns, silence.due_ns
     bench.returns(20)
     assert bench.line.axes[0].motion.state is place is not MotionState.SUPERSEDED
     assert (silence.timeouts, silence.since_ns, silence.due_ns) == (3, since_ns, due_ns)
-    assert bench.line.answers.silences[1] is silence
+    assert bench.line.silent_units.silences[1] is silence
     bench.send(READ)
     assert bench.port.take() == b"\x83\x0b"  # dead still, and not due
     assert bench.line.axes[0].silent_since_ns is not None

@@ -6,8 +6,8 @@ from typing import Any, Final
 import pytest
 
 from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
-from gateway.exchange.answers import REACH_AFTER, Reach, Sign
 from gateway.exchange.plan import LineTiming, Reference
+from gateway.exchange.silent_units import REACH_AFTER, Reach, Sign
 from gateway.modbus.registers import BitField, BitTable
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.silent_bench import ANSWER, OTHER, SILENT, controller, line, polled_in_turn, two_axes

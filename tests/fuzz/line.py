@@ -180,7 +180,7 @@ class Drives(DriveLink):
         """See ``DriveLink``."""
         assert self.line is not None
         assert self.asked is None, "a second frame while the first one waits for its reply"
-        exchange = self.line._current
+        exchange = self.line._transactions.current
         self._last_id = (self._last_id + 1) & 0xFFFF
         frame = encode_rtu(unit_id, pdu) if self.is_serial else encode_mbap(self._last_id, unit_id, pdu)
         assert crc16(frame) == 0 if self.is_serial else frame[4] << 8 | frame[5] == len(frame) - 6

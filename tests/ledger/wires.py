@@ -78,7 +78,7 @@ class Wire(DriveLink):
 
     def _accounted(self, unit_id: int, pdu: bytes) -> tuple[Frame, Fault]:
         """Have a frame judged that goes out, and choose what happens to it."""
-        current = getattr(self.line, "_current", None)
+        current = None if self.line is None else self.line._transactions.current
         is_early = current is not None and current.stopping is Stopping.EARLY
         frame = self._ledger.sent(unit_id, pdu, is_early=is_early)
         frame.connection = self._connection

@@ -9,7 +9,7 @@ from typing import Final
 import pytest
 
 from gateway.exchange.axis.motion import MOTION_AFTER, MotionEvent, MotionState
-from gateway.exchange.transaction import OUTCOMES, PHASE_AFTER, Phase
+from gateway.exchange.transaction import PHASE_AFTER
 from tools import docs, state_machine
 from tools.diagram import ANY, Box, Layout, LayoutError, Route, drawn
 
@@ -169,26 +169,18 @@ def test_a_reference_shows_the_states_that_it_comes_to() -> None:
     assert "says it. At the start: `not-referenced`." in text
 
 
-def test_the_phases_and_outcomes_are_those_of_the_tables() -> None:
+def test_the_phases_and_outcomes_are_those_of_the_table() -> None:
     text = state_machine.transactions()
-    steps = cells(text, "| phase | `leave` | `lead` | `learn` | `end` |")
-    found = {
-        (Phase(phase), Phase(then.strip("` ")))
-        for (phase, _), all_ in steps.items()
-        for then in all_.split(",")
+    steps = cells(text, "| state | frame | added-frame | answered | begins | piece | last-piece |")
+    ends = cells(
+        text, "| state | acknowledged | exception | other-reply | no-reply | broadcast | never-sent |"
+    )
+    found = {cell: then for cell, then in {**steps, **ends}.items() if then != "×"}
+    assert found == {
+        (phase.value, event.value): then.value
+        for phase, row in PHASE_AFTER.items()
+        for event, then in row.items()
     }
-    assert found == {(phase, then) for phase, after in PHASE_AFTER.items() for then in after}
-    ends = cells(text, "| phase | outcomes")
-    for phase, outcomes in OUTCOMES.items():
-        told = ends[phase.value, "outcomes that are possible"]
-        named = set() if told == "none" else {each.strip("` ") for each in told.split(",")}
-        assert named == {outcome.value for outcome in outcomes}
-
-
-def test_a_step_that_no_method_takes_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(PHASE_AFTER, Phase.SENT, frozenset({Phase.ENDED, Phase.WAITING}))
-    with pytest.raises(LayoutError, match="differ in sent → waiting"):
-        state_machine.pictures()
 
 
 class Tide(Enum):

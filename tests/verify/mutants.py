@@ -50,7 +50,7 @@ ENDLESS: Final = 1_000_000_000
 EXAMPLES: Final = """examples:
   python -m tests.verify.mutants --sample 90 --seed 1 --json build/mutants.json
   python -m tests.verify.mutants gateway/exchange/axis/registers.py
-  python -m tests.verify.mutants gateway/exchange/answers.py --every 3
+  python -m tests.verify.mutants gateway/exchange/silent_units.py --every 3
   python -m tests.verify.mutants gateway/exchange/cut_through.py --worlds b-rtu-cut-to b-rtu-cut-back
   python -m tests.verify.mutants gateway/exchange/axis/motion.py --list
 """
@@ -79,6 +79,8 @@ ENUMS: Final = (
     "ReferenceEvent",
     "ReferenceState",
     "Said",
+    "Step",
+    "StopEvent",
     "Stopping",
     "Turn",
     "WireEvent",

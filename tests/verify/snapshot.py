@@ -723,12 +723,12 @@ def refused(line: LineExchange) -> int:
 
 def is_resting(line: LineExchange) -> bool:
     """Whether a line, or the drive on it that was silent last, falls silent before anything else leaves."""
-    return line.rest.until_ns is not None or line.answers.owes
+    return line.rest.until_ns is not None or line.silent_units.owes
 
 
 def stopping_of(line: LineExchange) -> Stopping:
     """Return how often the frame on the wire leaves for a stop, and whether a late reply may come."""
-    current = getattr(line, "_current", None)
+    current = line._transactions.current
     return Stopping.NO if current is None else current.stopping
 
 
@@ -744,10 +744,10 @@ class OnItsWay(NamedTuple):
 
 def on_its_way(line: LineExchange) -> OnItsWay | None:
     """Return what is known of the request that is on the wire; None where nothing is."""
-    current = getattr(line, "_current", None)
+    current = line._transactions.current
     if current is None:
         return None
-    may_follow = PHASE_AFTER[current.phase]
+    may_follow = frozenset(PHASE_AFTER[current.phase].values())
     return OnItsWay(current.phase, may_follow, current.queue_ns + current.added_ns)
 
 
@@ -759,7 +759,7 @@ def watch_stores(axis: Axis, may_store: Callable[[], bool]) -> None:
 
 def is_sending_unsure(line: LineExchange) -> bool:
     """Whether the frame on the wire carries a target whose branch was assumed; the fast path takes none."""
-    exchange = getattr(line, "_current", None)
+    exchange = line._transactions.current
     return exchange is not None and _holds_unsure(exchange._requests, 0)
 
 

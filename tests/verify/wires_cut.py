@@ -537,7 +537,7 @@ class CutWorld(RtuWorld):
         """Return what would leave if nothing had left yet, and what was known of the axes then."""
         side = self._cut_side
         before, told, met = side.lens.take(self.now_ns), list(self.told), set(self.tally.events)
-        side.line._current = None
+        side.line._transactions.current = None
         side.ports[0]._cutter._cut = None
         side.link.pipe.leaving = b""
         side.feed(0, rest, self.now_ns)

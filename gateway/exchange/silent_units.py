@@ -1,18 +1,20 @@
-"""Which unit ids of a line answer, and what one that does not answer costs the others (W6, W11).
+"""Which unit ids of a line are silent or dead, what that costs the others, and who is answered for (W6, W11).
 
 A unit id is silent from the first request that it left unanswered to the next frame of it. After three in a
-row it is *dead*: nothing is sent to it any more but a trial from time to time. How far it has come is one
+row it is *dead*: nothing is sent to it any more but a trial from time to time, and its controllers are
+answered for. How far it has come is one
 :class:`Reach`, and goes from one to the next only as :data:`REACH_AFTER` says; nothing but its
 :class:`Silence` writes it.
 
 On a serial line a reply that comes late would answer whatever was asked next. Until ``drain_ms`` have passed
 without a frame of it, the silent unit itself is asked nothing; whoever else may be asked meanwhile is said by
-:meth:`Answers.free_ns`. They have passed when :meth:`Answers.settle` says so, and not before: what came while
-the process stood still has been read then.
+:meth:`SilentUnits.free_ns`. They have passed when :meth:`SilentUnits.settle` says so, and not before: what
+came while the process stood still has been read then.
 
 A drive that answers costs one store, and a look at whether anything is silent on its line.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
@@ -20,8 +22,16 @@ from typing import Final
 from librt.vecs import vec
 from mypy_extensions import i64
 
+from gateway.exchange.added_frames import trial_read
+from gateway.exchange.axis.acknowledge import Outcome
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.dispatch import Units, is_acting_on
+from gateway.exchange.events import Event, EventKind
 from gateway.exchange.plan import LineTiming
+from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.rest import LONGEST_DRAIN
+from gateway.exchange.transaction import NO_RESPONSE, Answer, Transaction, Transactions
+from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.times import NS_PER_MS, NS_PER_S
 
 UNIT_IDS: Final = 0x100
@@ -187,10 +197,35 @@ class Silence:
         self.turns = turns
 
 
-class Answers:
-    """Answers and silences of one line, by unit id. ``is_serial``: replies carry no number (W6)."""
+class SilentUnits:
+    """The unit ids of one line that are silent.
 
-    def __init__(self, timing: LineTiming, *, is_serial: bool) -> None:
+    Args:
+        timing: of the line.
+        units: the register maps of the line.
+        waiting: what waits for the line.
+        transactions: of the line; what is answered here ends there.
+        on_event: hears what is worth a word.
+        report: tells what is new about some axes.
+        is_serial: replies carry no number (W6).
+    """
+
+    def __init__(
+        self,
+        timing: LineTiming,
+        units: Units,
+        waiting: WaitingQueue,
+        transactions: Transactions,
+        *,
+        on_event: Callable[[Event], None],
+        report: Callable[[tuple[Axis, ...]], None],
+        is_serial: bool,
+    ) -> None:
+        self._units = units
+        self._waiting = waiting
+        self._transactions = transactions
+        self._on_event = on_event
+        self._report = report
         self._drain_ns = int((timing.drain_ms or timing.response_timeout_ms) * NS_PER_MS) * is_serial
         self._retry_ns = int(timing.retry_ms * NS_PER_MS)
         self.backs_off = timing.backs_off
@@ -215,14 +250,21 @@ class Answers:
         silence.miss(sent_ns, now_ns, self._drain_ns, self._retry_ns)
         return silence, silence.reach is Reach.DEAD and not was_dead
 
-    def hear(self, unit_id: int) -> Reach:
-        """Note a whole frame of a unit id; return how far away it was before."""
+    def hear(self, unit_id: int, now_ns: int) -> None:
+        """Note a whole frame of a unit id, while something on the line is silent."""
         silence = self.silences.get(unit_id)
         if silence is None:
-            return Reach.ANSWERS
+            return
         before = silence.hear()
         self._forget(silence)
-        return before
+        if before is Reach.ANSWERS:
+            return
+        self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
+        if before is Reach.DEAD:  # it was not asked, so nobody knows since when it is there again
+            axes = self._units.axes_of(unit_id)
+            for axis in axes:
+                axis.end_silence(is_answer=True, until_ns=now_ns)
+            self._report(axes)
 
     def disturb(self, unit_id: int, now_ns: int) -> bool:
         """Note bytes that answer nothing; return whether a silence that something waits for begins anew.
@@ -267,12 +309,15 @@ class Answers:
 
     # --- whom it costs what ----------------------------------------------------------------------------
 
-    def dead(self, unit_ids: tuple[int, ...]) -> Silence | None:
-        """Return the one of some unit ids that is not asked any more, and is tried again last."""
+    def dead(self, unit_id: int) -> Silence | None:
+        """Return the silence because of which a unit id is not asked; None: it is.
+
+        It is its own, or that of one of its group: the one that is tried again last.
+        """
         found: Silence | None = None
-        if self.backs_off:
-            for unit_id in unit_ids:
-                silence = self.silences.get(unit_id)
+        if self.backs_off and self.silences:
+            for each in self._units.partners(unit_id):
+                silence = self.silences.get(each)
                 if silence is not None and silence.reach is Reach.DEAD:
                     found = silence if found is None or silence.due_ns > found.due_ns else found
         return found
@@ -322,35 +367,146 @@ class Answers:
 
     # --- too late to send ------------------------------------------------------------------------------
 
-    def is_too_late(self, unit_id: int, now_ns: int, leave_by_ns: int, *, is_read: bool) -> bool:
-        """Whether a request could leave only after ``leave_by_ns``, behind the silence of its own unit id.
+    def is_too_late(self, transaction: Transaction, now_ns: int) -> bool:
+        """Whether a request is answered here because it could only leave too late (W6).
+
+        That is what waits for the late frames of its own unit id: not of another one, nor for the rest of
+        the line. No stop, no read of the gateway's own, and nothing that may be a trial of a dead unit.
 
         What counts is when the silence ends. A write is held against the clock too: a process that stood
         still comes late to the end. A read that is the next one behind :data:`UNASKED_AT_MOST` such answers
         is never too late: it asks the unit, and no controller fails for long without anybody having looked.
         """
-        silence = self.silences.get(unit_id)
-        if silence is None or not silence.ends_ns:
+        silence = self.silences.get(transaction.unit_id)
+        if silence is None or not silence.ends_ns or transaction.port is None or transaction.is_stop:
             return False
-        if is_read:
-            return silence.ends_ns > leave_by_ns and silence.unasked < UNASKED_AT_MOST
-        return max(silence.ends_ns, now_ns) > leave_by_ns
+        leave_by_ns = transaction.leave_by_ns
+        if transaction.only_reads:
+            is_too_late = silence.ends_ns > leave_by_ns and silence.unasked < UNASKED_AT_MOST
+        else:
+            is_too_late = max(silence.ends_ns, now_ns) > leave_by_ns
+        return is_too_late and self.dead(transaction.unit_id) is None
 
-    def note_unasked(self, unit_id: int) -> None:
-        """A request was answered in the place of a unit id, which nothing is learned of from that."""
-        silence = self.silences[unit_id]
+    def answer_unasked(self, transaction: Transaction, now_ns: int) -> None:
+        """Answer in the place of a drive that was not asked: nothing is learned of it from that."""
+        silence = self.silences[transaction.unit_id]
         silence.unasked = min(silence.unasked + 1, UNASKED_AT_MOST)
+        answer = Answer.TOO_LATE
+        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
 
-    def is_missed(self, unit_id: int) -> bool:
-        """Whether a unit id left its last request unanswered, and is still asked."""
+    def patience_ns(self, transaction: Transaction, unit_id: int, now_ns: int, least_ns: int) -> int:
+        """Return how long the reply to a request is waited for while something is silent (W7).
+
+        A read that tries a dead drive (W11) keeps the others waiting no longer than a drive may take. One
+        that left late behind a silence has what is left of its controller's time. ``least_ns``: so long a
+        drive may take.
+        """
+        port = transaction.port
+        if port is None or transaction.added is not None or port.patience_ns <= least_ns:
+            return least_ns
         silence = self.silences.get(unit_id)
-        return silence is not None and silence.reach in (Reach.MISSED_ONE, Reach.MISSED_TWO)
+        if silence is None or not transaction.only_reads:
+            return port.patience_ns
+        is_missed = silence.reach is Reach.MISSED_ONE or silence.reach is Reach.MISSED_TWO
+        if is_missed and now_ns > transaction.leave_by_ns:
+            return max(least_ns, transaction.given_up_ns - now_ns)
+        is_dead = silence.reach is Reach.DEAD and self.backs_off
+        return least_ns if is_dead else port.patience_ns
+
+    # --- dead units ------------------------------------------------------------------------------------
+
+    def is_answered_for(self, transaction: Transaction, now_ns: int) -> bool:
+        """Whether a request is answered by the gateway because its drive, or one of its group, is dead."""
+        dead = self.dead(transaction.unit_id)
+        if dead is None:
+            return False
+        due_ns = dead.due_for(is_odd=transaction.is_odd)
+        if now_ns >= due_ns:
+            return False
+        # One that came over a serial port waits, for nothing of its controller waits behind it.
+        port = transaction.port
+        waits = transaction.is_odd and port is not None and port.ends_by_silence
+        return not waits or due_ns > transaction.leave_by_ns
+
+    def answer_for(self, transaction: Transaction, now_ns: int) -> None:
+        """Answer in the place of a drive that is not asked: that counts as unanswered (W11)."""
+        answer = Answer.BACK_OFF
+        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
+        if transaction.unit_id == BROADCAST_UNIT_ID:
+            return
+        axes = self._units.axes_of(transaction.unit_id)
+        for axis in axes:
+            axis.fall_silent(now_ns, now_ns)
+        self._report(axes)
+
+    def answer_waiting(self, now_ns: int) -> None:
+        """Answer what waits for a unit that is dead now, or only to leave too late.
+
+        In the order of each controller.
+        """
+        behind: set[int] = set()
+        for transaction in tuple(self._waiting):
+            port = transaction.port
+            if transaction.is_stop or port is None or id(port) in behind:
+                continue
+            is_denied = transaction.is_denied or bool(transaction.why_given_up(now_ns))
+            if is_denied:
+                behind.add(id(port))
+            elif self.is_answered_for(transaction, now_ns):
+                self._waiting.take(transaction)
+                self.answer_for(transaction, now_ns)
+            elif self.is_too_late(transaction, now_ns):
+                self._waiting.take(transaction)
+                self.answer_unasked(transaction, now_ns)
+            else:
+                behind.add(id(port))
+
+    def tries(self, transaction: Transaction, dead: Silence, now_ns: int) -> bool:
+        """Take a request for the trial of a dead unit; return False where it was answered for instead.
+
+        Where it might move something it needs a read first, if one is allowed: nobody knows what the drive
+        was through. For a drive of which nothing may be read the request itself is the trial.
+        """
+        if now_ns < dead.due_for(is_odd=transaction.is_odd):
+            self.answer_for(transaction, now_ns)
+            return False
+        axes = self._units.axes_of(dead.unit_id)
+        is_own = transaction.unit_id == dead.unit_id
+        read = None
+        if not is_own or is_acting_on(self._units, transaction, axes):
+            read = trial_read(axes)
+        if read is None and not is_own:
+            self.answer_for(transaction, now_ns)
+            return False
+        dead.try_again(now_ns)
+        transaction.need(read)
+        if read is None:
+            for axis in axes:
+                axis.end_silence(is_answer=False, until_ns=now_ns)
+        return True
 
     # --- stops -----------------------------------------------------------------------------------------
 
     def miss_stop(self, unit_id: int, pdu: bytes, turns: set[int], now_ns: int) -> None:
         """Note a stop that was not answered, after :meth:`miss`, and who waits while it may not be sent."""
         self.silences[unit_id].miss_stop(pdu, now_ns + self._retry_ns, turns)
+
+    def thin_out(self, stop: Transaction, now_ns: int) -> None:
+        """Of a stop that its drive does not answer the newest of each controller waits, for all before it."""
+        if not self.backs_off:
+            return
+        newest: dict[int, Transaction] = {}
+        older = []
+        for each in self._waiting:
+            if each.is_same_stop(stop):
+                before = newest.get(id(each.port))
+                newest[id(each.port)] = each
+                if before is not None:
+                    older.append(before)
+                    self._transactions.replace(before, each)
+        for each in older:
+            self._waiting.take(each)
+            self.answer_for(each, now_ns)
 
     def had_turn(self, port: int) -> None:
         """A controller gets an exchange."""
