@@ -17,9 +17,9 @@ from random import Random
 from typing import Final
 
 from bench.cut_line import BITS, WRITE_HEAD, damaged, has_whole
-from gateway.exchange.cut_line import SPOILT_SILENCES
-from gateway.exchange.cut_through import Cut, CutThrough, Judge, Opening, Pace, Turn
-from gateway.exchange.leads import ADDRESS_KNOWN, guard_ns, lead_ns, margin_ns, write_shape
+from gateway.exchange.cut_through.delay import ADDRESS_KNOWN, guard_ns, lead_ns, margin_ns, write_shape
+from gateway.exchange.cut_through.forward import SPOILT_SILENCES
+from gateway.exchange.cut_through.frame import Cut, CutThrough, Judge, Opening, Pace, Turn
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu_arrival import BLOCK_HEAD, RequestArrival
 from gateway.modbus.rtu_line import pause_ns, silence_ns

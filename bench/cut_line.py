@@ -17,9 +17,9 @@ from statistics import median
 from typing import Final
 
 from bench.hot_path import COMMAND, plan_of_x
-from gateway.exchange.cut_line import RequestCutter, Wire
-from gateway.exchange.cut_through import Turn
-from gateway.exchange.leads import CRC_BYTES
+from gateway.exchange.cut_through.delay import CRC_BYTES
+from gateway.exchange.cut_through.forward import RequestCutter, Wire
+from gateway.exchange.cut_through.frame import Turn
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan, LineTiming
 from gateway.exchange.ports import ControllerPort, DriveLink

@@ -32,6 +32,7 @@ PATTERNS = (
     "compensation/*.py",
     "exchange/*.py",
     "exchange/axis/*.py",
+    "exchange/cut_through/*.py",
     "recording/tape.py",
     "limits.py",
     "modbus/*.py",

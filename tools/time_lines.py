@@ -1,6 +1,6 @@
 """Draws docs/pictures/cut-through.svg: a write of a position and its reply, stored and cut through.
 
-Every character is a box; where it stands follows from ``gateway.exchange.leads`` and the budget's margin.
+Every character is a box; where it stands follows from ``exchange.cut_through.delay`` and the budget's margin.
 """
 
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.budget.cuts import lead_of
-from gateway.exchange.leads import CRC_BYTES, Shape, acknowledgement_shape, stored_ns, write_shape
+from gateway.exchange.cut_through.delay import CRC_BYTES, Shape, acknowledgement_shape, stored_ns, write_shape
 from gateway.modbus.rtu_arrival import BLOCK_HEAD
 from gateway.times import NS_PER_MS, NS_PER_S
 from tools.diagram import STYLE

@@ -22,7 +22,7 @@ from bench.processes import Process, Processes, environment
 from bench.realtime import realtime_refused
 from bench.results import Goal, Section, Table
 from bench.serial_times import BITS_PER_CHARACTER, round_trip_ns
-from gateway.exchange.leads import guard_ns
+from gateway.exchange.cut_through.delay import guard_ns
 from gateway.simulator.pty import Pty
 from gateway.times import NS_PER_S, NS_PER_US
 

@@ -1,7 +1,7 @@
 """What of a round may be cut through, by the register map; and how much sooner its frames are through.
 
 Which requests have a fast path the exchange decides frame by frame (``exchange.fast_path``,
-``exchange.cut_requests``). Here stands what follows of that from the plan of an axis, for the frames of a
+``exchange.cut_through``). Here stands what follows of that from the plan of an axis, for the frames of a
 round; tests/budget holds one against the other.
 """
 
@@ -9,7 +9,7 @@ from collections.abc import Collection
 from typing import Final, NamedTuple
 
 from gateway.drives.motion import Addressing, Form
-from gateway.exchange.leads import (
+from gateway.exchange.cut_through.delay import (
     Shape,
     acknowledgement_shape,
     lead_ns,

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.exchange.cut_line import CutLine
-from gateway.exchange.cut_through import Turn
+from gateway.exchange.cut_through.forward import CutLine
+from gateway.exchange.cut_through.frame import Turn
 from gateway.times import NS_PER_US
 
 

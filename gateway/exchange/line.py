@@ -36,9 +36,9 @@ from gateway.exchange.axis.registers import Loss
 from gateway.exchange.commands import Command, EndDryRun, SetLimits
 from gateway.exchange.control import ControlError, carry_out
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.cut_line import CutLine, LeadingLine, Wire
-from gateway.exchange.cut_requests import leave_on
-from gateway.exchange.cut_through import Turn
+from gateway.exchange.cut_through.forward import CutLine, LeadingLine, Wire
+from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.requests import leave_on
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.decode import AxisCommand
 from gateway.exchange.dispatch import REMEMBERED_PATHS, Units

@@ -163,7 +163,7 @@ class LineMeter:
         drive_ns = reply_ns - sent_ns
         if sent.wire_ns_per_byte:
             wire_ns = (len(transaction.pdu) + len(reply) + 2 * RTU_OVERHEAD) * sent.wire_ns_per_byte
-            # Some of it may have left before (``cut_line``); adapters may keep less than a character's time.
+            # Some of it may have left before (cut-through); adapters may keep less than a character's time.
             drive_ns = max(0, drive_ns + transaction.early_ns - wire_ns)
             self.wire_ns += wire_ns
         # bucket_of, four times in place: the calls alone would cost as much as all the rest.

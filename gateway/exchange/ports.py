@@ -74,7 +74,7 @@ class ControllerPort:
         """Frame and send a reply. ``transaction_id`` is the request's own (0 on serial lines)."""
         raise NotImplementedError
 
-    # --- replies that leave while they arrive, and requests that did (``cut_line``); serial ports alone
+    # --- replies that leave while they arrive, and requests that did (``cut_through``); serial ports alone
 
     def may_lead(self, now_ns: int) -> bool:
         """Whether a reply may begin to leave now."""
@@ -138,7 +138,7 @@ class DriveLink:
     def hang_up(self, *, returns: bool) -> None:
         """Close the connection in order; ``returns``: make another one at once."""
 
-    # --- requests that leave while they arrive (``cut_line``); serial links alone
+    # --- requests that leave while they arrive (``cut_through``); serial links alone
 
     def may_lead(self, now_ns: int) -> bool:
         """Whether a request may begin to leave now."""

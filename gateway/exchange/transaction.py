@@ -248,14 +248,14 @@ class Transaction:
     added_ns = 0
     """How long frames of the gateway's own held it up."""
     early_ns = 0
-    """So long its own frame had been leaving when all of it had come (``cut_line``)."""
+    """So long its own frame had been leaving when all of it had come (``cut_through``)."""
     excused_ns = 0
     """How much of that no deadline counts: a look at where the axis stands."""
     follows_ns = 0
     """When the request before it came on the same connection."""
     is_orphan = False
-    """Its controller has gone or gone on, or has heard a reply while that still arrived (``cut_line``): what
-    comes is taken note of and then dropped."""
+    """Its controller has gone or gone on, or has heard a reply while that still arrived (``cut_through``):
+    what comes is taken note of and then dropped."""
     is_denied = False
     """There was no room for it: it is refused when the answers before it have been given."""
     is_odd = False

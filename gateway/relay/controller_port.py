@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.clock import boot_ns
-from gateway.exchange.cut_line import RequestCutter, Wire
-from gateway.exchange.cut_through import Turn
+from gateway.exchange.cut_through.forward import RequestCutter, Wire
+from gateway.exchange.cut_through.frame import Turn
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, writer_name

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compiled import mypyc_attr
-from gateway.exchange.cut_line import ReplyCutter
+from gateway.exchange.cut_through.forward import ReplyCutter
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, answers_with, encode_mbap

@@ -15,7 +15,7 @@ from gateway.catalogue.line_events import (
     SERIAL_LATENCY,
 )
 from gateway.clock import boot_ns
-from gateway.exchange.cut_line import Wire
+from gateway.exchange.cut_through.forward import Wire
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.modbus.mbap import MbapCounters

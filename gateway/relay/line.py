@@ -30,7 +30,7 @@ from gateway.exchange.commands import (
     SetTable,
     axes_of,
 )
-from gateway.exchange.cut_line import Wire
+from gateway.exchange.cut_through.forward import Wire
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.limits import limits_of, values_of
 from gateway.exchange.line import LineExchange

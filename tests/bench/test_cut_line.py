@@ -7,7 +7,7 @@ import pytest
 from bench.cut_damage import Damage
 from bench.cut_line import READ, WRITE_HEAD, Way, damaged, direct_ns, has_whole, run, shares
 from gateway.exchange.cut_status import cut_status
-from gateway.exchange.cut_through import Turn
+from gateway.exchange.cut_through.frame import Turn
 from gateway.modbus.crc import append_crc
 from gateway.simulator.ears import Hearing
 from gateway.simulator.pacing import Adapter

@@ -11,10 +11,10 @@ from gateway.budget.verdict import Grade, judge
 from gateway.drives.library import names
 from gateway.drives.motion import Form
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.cut_requests import shape_of
+from gateway.exchange.cut_through.delay import Shape, reply_shape, write_shape
+from gateway.exchange.cut_through.requests import shape_of
 from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import ReadPath
-from gateway.exchange.leads import Shape, reply_shape, write_shape
 from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.state.plan import LinePlan

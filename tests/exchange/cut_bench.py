@@ -3,8 +3,14 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from gateway.exchange.cut_through import CutThrough, Judge, Opening, Pace, Turn, is_fit_head
-from gateway.exchange.leads import Shape, acknowledgement_shape, read_shape, reply_shape, write_shape
+from gateway.exchange.cut_through.delay import (
+    Shape,
+    acknowledgement_shape,
+    read_shape,
+    reply_shape,
+    write_shape,
+)
+from gateway.exchange.cut_through.frame import CutThrough, Judge, Opening, Pace, Turn, is_fit_head
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu_arrival import ReplyArrival, RequestArrival
 

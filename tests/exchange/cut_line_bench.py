@@ -8,9 +8,9 @@ and the real cutters; ports and link are those that record.
 from collections.abc import Callable
 from typing import Any
 
-from gateway.exchange.cut_line import Wire
-from gateway.exchange.cut_through import Turn
-from gateway.exchange.leads import LEARNED_AFTER, Piece, Shape
+from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, Shape
+from gateway.exchange.cut_through.forward import Wire
+from gateway.exchange.cut_through.frame import Turn
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Role
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder

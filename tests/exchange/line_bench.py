@@ -8,9 +8,7 @@ from typing import Any, ClassVar
 from gateway.compensation.settings import AxisSettings, Setpoints
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.cut_line import RequestCutter, Wire
-from gateway.exchange.events import Event, EventKind
-from gateway.exchange.leads import (
+from gateway.exchange.cut_through.delay import (
     LEARNED_AFTER,
     Piece,
     Shape,
@@ -19,6 +17,8 @@ from gateway.exchange.leads import (
     reply_shape,
     write_shape,
 )
+from gateway.exchange.cut_through.forward import RequestCutter, Wire
+from gateway.exchange.events import Event, EventKind
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
 from gateway.exchange.ports import ControllerPort, DriveLink

@@ -12,10 +12,7 @@ import pytest
 
 from gateway.exchange.axis.record_layout import Remembered
 from gateway.exchange.commands import Disable
-from gateway.exchange.cut_requests import STORED_FOR, WEIGHED_AT_LEAST, Heads
-from gateway.exchange.cut_through import Turn
-from gateway.exchange.latency import bucket_of
-from gateway.exchange.leads import (
+from gateway.exchange.cut_through.delay import (
     LEARNED_AFTER,
     REMEMBERED,
     Piece,
@@ -25,6 +22,9 @@ from gateway.exchange.leads import (
     reply_shape,
     write_shape,
 )
+from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.requests import STORED_FOR, WEIGHED_AT_LEAST, Heads
+from gateway.exchange.latency import bucket_of
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, OtherUnits
 from gateway.exchange.transaction import Phase
 from gateway.modbus.crc import INVERTED, is_intact, residue_after

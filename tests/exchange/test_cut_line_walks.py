@@ -9,8 +9,8 @@ from random import Random
 
 import pytest
 
-from gateway.exchange.cut_through import Turn
-from gateway.exchange.leads import acknowledgement_shape
+from gateway.exchange.cut_through.delay import acknowledgement_shape
+from gateway.exchange.cut_through.frame import Turn
 from gateway.exchange.transaction import Phase
 from gateway.modbus.crc import INVERTED, is_intact, residue_after
 from tests.exchange.cut_line_bench import CHAR_NS, PLAN, Site, frame_of

@@ -7,9 +7,9 @@ import pytest
 
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.motion import MotionState
-from gateway.exchange.cut_replies import Replies, ReplyJudge, reply_shape_of
-from gateway.exchange.cut_through import Cut, CutThrough, Turn
-from gateway.exchange.leads import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, reply_shape
+from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, reply_shape
+from gateway.exchange.cut_through.frame import Cut, CutThrough, Turn
+from gateway.exchange.cut_through.replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.plan import AxisPlan
 from gateway.exchange.transaction import Transaction
 from gateway.modbus.crc import INVERTED, append_crc, residue_after

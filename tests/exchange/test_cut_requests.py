@@ -6,10 +6,10 @@ from random import Random
 import pytest
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
-from gateway.exchange.cut_requests import Heads, RequestJudge, leave_on
-from gateway.exchange.cut_through import Cut, CutThrough, Turn
+from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, read_shape, write_shape
+from gateway.exchange.cut_through.frame import Cut, CutThrough, Turn
+from gateway.exchange.cut_through.requests import Heads, RequestJudge, leave_on
 from gateway.exchange.dispatch import Units
-from gateway.exchange.leads import LEARNED_AFTER, Piece, read_shape, write_shape
 from gateway.exchange.plan import AxisPlan
 from gateway.exchange.transaction import FastPath, Transaction
 from gateway.modbus.crc import INVERTED, append_crc, residue_after

@@ -11,7 +11,7 @@ from random import Random
 
 import pytest
 
-from gateway.exchange.cut_through import Turn
+from gateway.exchange.cut_through.frame import Turn
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Arrival, Bench, read, stream_plan, write
 from tests.exchange.test_fast_path import CURVE
 from tests.soak import repeated

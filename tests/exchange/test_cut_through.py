@@ -6,8 +6,8 @@ and leaves 4 000 later: 3 for the lead of the arithmetic (4 characters after its
 
 import pytest
 
-from gateway.exchange.cut_through import CUT_AFTER, Cut, CutThrough, Turn, closed, is_fit_head
-from gateway.exchange.leads import write_shape
+from gateway.exchange.cut_through.delay import write_shape
+from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutThrough, Turn, closed, is_fit_head
 from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
 from gateway.modbus.rtu_arrival import Known
 from tests.exchange.cut_bench import (

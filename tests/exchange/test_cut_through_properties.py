@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.exchange.cut_through import Cut, CutThrough, Turn, closed, is_fit_head
-from gateway.exchange.leads import write_shape
+from gateway.exchange.cut_through.delay import write_shape
+from gateway.exchange.cut_through.frame import Cut, CutThrough, Turn, closed, is_fit_head
 from gateway.modbus.crc import INVERTED, append_crc, ends_a_frame, is_intact, residue_after
 from gateway.modbus.rtu_arrival import Known, RequestArrival
 from tests.exchange.cut_bench import CHAR_NS, PACE, Adds

@@ -13,7 +13,7 @@ while they arrive:
 from collections.abc import Callable
 from typing import Final
 
-from gateway.exchange.cut_line import Wire
+from gateway.exchange.cut_through.forward import Wire
 from tests.ledger.events import Book, Journal
 from tests.ledger.frames import crc
 

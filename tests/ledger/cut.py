@@ -10,8 +10,8 @@ import random
 from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
-from gateway.exchange.cut_line import CutLine, ReplyCutter, RequestCutter, Wire
-from gateway.exchange.cut_through import Turn
+from gateway.exchange.cut_through.forward import CutLine, ReplyCutter, RequestCutter, Wire
+from gateway.exchange.cut_through.frame import Turn
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, silence_ns
 from tests.ledger.buses import SPOILT_SILENCES, Bus, reply_length, request_length
 from tests.ledger.clock import MS, Clock

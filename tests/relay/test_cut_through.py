@@ -14,8 +14,8 @@ import pytest
 
 from gateway.clock import boot_ns
 from gateway.compensation.settings import Setpoints
-from gateway.exchange.cut_through import Turn
-from gateway.exchange.leads import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, write_shape
+from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, write_shape
+from gateway.exchange.cut_through.frame import Turn
 from gateway.exchange.line import LineExchange
 from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
 from gateway.relay.gateway import Relay

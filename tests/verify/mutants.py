@@ -51,7 +51,7 @@ EXAMPLES: Final = """examples:
   python -m tests.verify.mutants --sample 90 --seed 1 --json build/mutants.json
   python -m tests.verify.mutants gateway/exchange/axis/registers.py
   python -m tests.verify.mutants gateway/exchange/silent_units.py --every 3
-  python -m tests.verify.mutants gateway/exchange/cut_through.py --worlds b-rtu-cut-to b-rtu-cut-back
+  python -m tests.verify.mutants gateway/exchange/cut_through/frame.py --worlds b-rtu-cut-to b-rtu-cut-back
   python -m tests.verify.mutants gateway/exchange/axis/motion.py --list
 """
 OTHER_COMPARISON: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {

@@ -25,8 +25,8 @@ from gateway.exchange.axis.interlock import BLOCK_AFTER, Block
 from gateway.exchange.axis.motion import MOTION_AFTER
 from gateway.exchange.axis.reference import REFERENCE_AFTER
 from gateway.exchange.axis.registers import Completeness
-from gateway.exchange.cut_line import ReplyCutter, RequestCutter
-from gateway.exchange.cut_through import Cut
+from gateway.exchange.cut_through.forward import ReplyCutter, RequestCutter
+from gateway.exchange.cut_through.frame import Cut
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import compensation_state, direction_state
 from gateway.exchange.transaction import PHASE_AFTER, Phase, Stopping

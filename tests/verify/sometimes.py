@@ -8,7 +8,7 @@ the exchange, the exceptions that a controller may be answered, and the ends of 
 from collections.abc import Collection
 from typing import Final
 
-from gateway.exchange.cut_through import Turn
+from gateway.exchange.cut_through.frame import Turn
 from gateway.exchange.events import EventKind
 from tests.verify.snapshot import all_rows
 

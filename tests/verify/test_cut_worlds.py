@@ -5,7 +5,7 @@ from typing import Final
 
 import pytest
 
-from gateway.exchange.cut_through import Turn
+from gateway.exchange.cut_through.frame import Turn
 from tests.verify.designs import BY_NAME
 from tests.verify.designs_frames import ODDLY_ACKNOWLEDGED, SEEN_THERE, TAIL
 from tests.verify.designs_rules import ask

@@ -13,11 +13,7 @@ A controller whose reply was spoilt has heard nothing, and gives its request up;
 from collections.abc import Callable, Iterable
 from typing import Any, Final
 
-from gateway.exchange.cut_line import CutLine, RequestCutter
-from gateway.exchange.cut_line import Wire as LineWire
-from gateway.exchange.cut_through import Cut, Turn
-from gateway.exchange.events import Event
-from gateway.exchange.leads import (
+from gateway.exchange.cut_through.delay import (
     MeasuredLead,
     Shape,
     acknowledgement_shape,
@@ -26,6 +22,10 @@ from gateway.exchange.leads import (
     reply_shape,
     write_shape,
 )
+from gateway.exchange.cut_through.forward import CutLine, RequestCutter
+from gateway.exchange.cut_through.forward import Wire as LineWire
+from gateway.exchange.cut_through.frame import Cut, Turn
+from gateway.exchange.events import Event
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.transaction import Phase
 from gateway.modbus.crc import INTACT, INVERTED, SEAM, residue_after

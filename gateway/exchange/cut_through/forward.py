@@ -13,12 +13,12 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
-from gateway.exchange.cut_replies import Replies, ReplyJudge, reply_shape_of
-from gateway.exchange.cut_requests import WRITE, Heads, RequestJudge, beginning_of, shape_of
-from gateway.exchange.cut_through import CUT_AFTER, Cut, CutThrough, Pace, Turn
+from gateway.exchange.cut_through.delay import CRC_BYTES, REMEMBERED, MeasuredLead, Piece, guard_ns, margin_ns
+from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutThrough, Pace, Turn
+from gateway.exchange.cut_through.replies import Replies, ReplyJudge, reply_shape_of
+from gateway.exchange.cut_through.requests import WRITE, Heads, RequestJudge, beginning_of, shape_of
 from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import ReadPath, WritePath
-from gateway.exchange.leads import CRC_BYTES, REMEMBERED, MeasuredLead, Piece, guard_ns, margin_ns
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import FastPath, Phase, Step, Transaction, Transactions

@@ -5,7 +5,7 @@ of :class:`Cut`, and goes from one to the next only as :data:`CUT_AFTER` says. T
 
 1. *Begin.* Bytes are handed in as they come. None leaves before the judge knows by them that the frame is one
    that may be cut through (``opening``), and not before the lead is over: from then on the transmitter is
-   never empty before the frame has ended (``leads``).
+   never empty before the frame has ended (``delay``).
 2. *Head.* Bytes of the head leave as they come. When it is whole it has to be what was expected (``fits``).
 3. *Data.* No byte of a position, and none behind it, leaves before the position is whole and judged
    (``rendered``); all of it leaves as it was rendered.
@@ -35,7 +35,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from gateway.compiled import mypyc_attr
-from gateway.exchange.leads import CRC_BYTES, Piece, Shape
+from gateway.exchange.cut_through.delay import CRC_BYTES, Piece, Shape
 from gateway.modbus.crc import INTACT, SEAM, ends_a_frame, inverted_crc, residue_after
 from gateway.modbus.lengths import MIN_ADU
 from gateway.modbus.rtu_arrival import Known, RequestArrival

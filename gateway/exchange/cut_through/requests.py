@@ -2,7 +2,7 @@
 
 :class:`Heads` remembers the requests of one controller's port that were acknowledged. What begins like one of
 them is expected to go on like it. :class:`RequestJudge` answers for one request on its way
-(:class:`~gateway.exchange.cut_through.CutThrough`): it has no judgement of its own, but asks the fast path.
+(``frame.CutThrough``): it has no judgement of its own, but asks the fast path.
 
 What is never cut through has no entry here: only reads that a fast path knows, and writes of one whole
 position (FC16) to drives whose map has no modes, triggers or stops. So a stop, a trigger, FC06, a broadcast
@@ -14,10 +14,7 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
-from gateway.exchange.cut_through import Judge, Opening, is_fit_head
-from gateway.exchange.dispatch import Units
-from gateway.exchange.fast_path import WritePath
-from gateway.exchange.leads import (
+from gateway.exchange.cut_through.delay import (
     ADDRESS_KNOWN,
     FUNCTION_KNOWN,
     MeasuredLead,
@@ -26,6 +23,9 @@ from gateway.exchange.leads import (
     read_shape,
     write_shape,
 )
+from gateway.exchange.cut_through.frame import Judge, Opening, is_fit_head
+from gateway.exchange.dispatch import Units
+from gateway.exchange.fast_path import WritePath
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.transaction import FastPath, Transaction
 from gateway.modbus.pdu import FunctionCode

@@ -12,9 +12,7 @@ have left, and passed on whole where none has.
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from gateway.exchange.cut_through import Judge, Opening
-from gateway.exchange.fast_path import ReadPath, WritePath
-from gateway.exchange.leads import (
+from gateway.exchange.cut_through.delay import (
     COUNT_KNOWN,
     FUNCTION_KNOWN,
     MeasuredLead,
@@ -23,6 +21,8 @@ from gateway.exchange.leads import (
     acknowledgement_shape,
     reply_shape,
 )
+from gateway.exchange.cut_through.frame import Judge, Opening
+from gateway.exchange.fast_path import ReadPath, WritePath
 from gateway.exchange.transaction import Transaction
 
 REMEMBERED_REPLIES: Final = 256

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.exchange.leads import (
+from gateway.exchange.cut_through.delay import (
     LEARNED_AFTER,
     REMEMBERED,
     MeasuredLead,

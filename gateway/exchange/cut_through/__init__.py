@@ -1,0 +1,1 @@
+"""Cut-through: frames that leave while they still arrive, on serial lines."""
