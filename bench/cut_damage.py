@@ -17,9 +17,9 @@ from random import Random
 from typing import Final
 
 from bench.cut_line import BITS, WRITE_HEAD, damaged, has_whole
-from gateway.exchange.cut_through.delay import ADDRESS_KNOWN, guard_ns, lead_ns, margin_ns, write_shape
+from gateway.exchange.cut_through.delay import ADDRESS_KNOWN, delay_ns, guard_ns, margin_ns, write_shape
 from gateway.exchange.cut_through.forward import SPOILT_SILENCES
-from gateway.exchange.cut_through.frame import Cut, CutThrough, Judge, Opening, Pace, Turn
+from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough, Judge, Opening, Pace
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu_arrival import BLOCK_HEAD, RequestArrival
 from gateway.modbus.rtu_line import pause_ns, silence_ns
@@ -28,7 +28,7 @@ from gateway.simulator.pacing import PacedWire
 from gateway.times import NS_PER_S
 
 SHAPE: Final = write_shape(2, 0, 2)
-ENDS: Final = (Turn.OVERTAKEN, Turn.GONE, Turn.MET)
+ENDS: Final = (CutEvent.OVERTAKEN, CutEvent.GONE, CutEvent.MET)
 ENDED: Final = 0.05
 """Share of frames that somebody ends while they leave."""
 PAUSED: Final = 0.3
@@ -39,13 +39,13 @@ HEARINGS: Final = (Hearing.STANDARD, Hearing.ANY_LENGTH, Hearing.MERGING)
 class _Adds(Judge):
     """Knows one head, and adds three counts to what it writes."""
 
-    def __init__(self, lead: int) -> None:
-        self._lead_ns = lead
+    def __init__(self, delay: int) -> None:
+        self._delay_ns = delay
         self.last = WRITE_HEAD + bytes(4)
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         known = begun[:ADDRESS_KNOWN] == WRITE_HEAD[:ADDRESS_KNOWN]
-        return Opening(SHAPE, self._lead_ns, self.last) if known else None
+        return Opening(SHAPE, self._delay_ns, self.last) if known else None
 
     def fits(self, opening: Opening, begun: bytes) -> bool:
         return begun[:BLOCK_HEAD] == WRITE_HEAD
@@ -67,8 +67,8 @@ class Damage:
         self.char_ns = round(BITS * NS_PER_S / baudrate)
         self.silence_ns = silence_ns(baudrate)
         self.pace = Pace(self.char_ns, self.char_ns + pause_ns(self.silence_ns), guard_ns(self.char_ns))
-        lead = lead_ns(SHAPE, self.char_ns, self.char_ns) - self.char_ns + margin_ns(self.char_ns)
-        self.judge = _Adds(lead)
+        delay = delay_ns(SHAPE, self.char_ns, self.char_ns) - self.char_ns + margin_ns(self.char_ns)
+        self.judge = _Adds(delay)
         self.out = PacedWire(baudrate)
         self.ears = [Ear(hearing, baudrate) for hearing in HEARINGS]
         self.now_ns = NS_PER_S

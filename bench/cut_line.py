@@ -19,7 +19,7 @@ from typing import Final
 from bench.hot_path import COMMAND, plan_of_x
 from gateway.exchange.cut_through.delay import CRC_BYTES
 from gateway.exchange.cut_through.forward import RequestCutter, Wire
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan, LineTiming
 from gateway.exchange.ports import ControllerPort, DriveLink
@@ -125,13 +125,13 @@ class _Port(ControllerPort):
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         self.sender.send(encode_rtu(unit_id, pdu), self._line.now_ns)
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         return self.sender.may_begin(now_ns)
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         self.sender.add(piece, self._line.now_ns)
 
-    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
         self.sender.add(rest, self._line.now_ns)
 
 
@@ -156,13 +156,13 @@ class _Link(DriveLink):
     def abandon(self) -> None:
         self.decoder.cancel()
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         return self.sender.may_begin(now_ns)
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         self.sender.add(piece, self._line.now_ns)
 
-    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
         self.sent.append(encode_rtu(unit_id, pdu))
         self.commits += 1
         self.decoder.expect(unit_id, pdu)
@@ -480,8 +480,8 @@ def main() -> None:
     sys.stdout.write(json.dumps(said) + "\n")
 
 
-def _said(turns: dict[Turn, int]) -> dict[str, int]:
-    return {turn.value: number for turn, number in turns.items() if number}
+def _said(events: dict[CutEvent, int]) -> dict[str, int]:
+    return {event.value: number for event, number in events.items() if number}
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.budget.cuts import lead_of
+from gateway.budget.cuts import delay_of
 from gateway.exchange.cut_through.delay import CRC_BYTES, Shape, acknowledgement_shape, stored_ns, write_shape
 from gateway.modbus.rtu_arrival import BLOCK_HEAD
 from gateway.times import NS_PER_MS, NS_PER_S
@@ -69,23 +69,23 @@ DIRECT_LANES: Final = ("controller → drive", "drive → controller")
 LANES: Final = ("controller → gateway", "gateway → drive", "drive → gateway", "gateway → controller")
 
 
-def through(name: str, request_lead_ns: int, reply_lead_ns: int) -> Panel:
+def through(name: str, request_delay_ns: int, reply_delay_ns: int) -> Panel:
     """Return the way through a gateway in which frames begin to leave so long after they began to come."""
     came = Frame(0, 0, REQUEST)
-    left = Frame(1, request_lead_ns, REQUEST)
+    left = Frame(1, request_delay_ns, REQUEST)
     answered = Frame(2, left.ends_ns, REPLY)
-    return Panel(name, LANES, (came, left, answered, Frame(3, answered.begins_ns + reply_lead_ns, REPLY)))
+    return Panel(name, LANES, (came, left, answered, Frame(3, answered.begins_ns + reply_delay_ns, REPLY)))
 
 
 def panels() -> tuple[Panel, ...]:
     """Return the three ways, for two wires of the same baud rate and a drive that answers at once."""
     asked = Frame(0, 0, REQUEST)
-    leads = [lead_of(shape, CHARACTER_NS, CHARACTER_NS).lead_ns for shape in (REQUEST, REPLY)]
+    delays = [delay_of(shape, CHARACTER_NS, CHARACTER_NS).delay_ns for shape in (REQUEST, REPLY)]
     whole = [stored_ns(shape, CHARACTER_NS) for shape in (REQUEST, REPLY)]
     return (
         Panel("without a gateway", DIRECT_LANES, (asked, Frame(1, asked.ends_ns, REPLY))),
         through("stored", *whole),
-        through("cut through", *leads),
+        through("cut through", *delays),
     )
 
 

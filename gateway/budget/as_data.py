@@ -98,11 +98,11 @@ def _exchange_data(controller: ControllerBudget, exchange: ExchangeBudget) -> di
 
 
 def _cut_data(cut: CutBudget) -> dict[str, Any]:
-    request, reply = cut.leads
+    request, reply = cut.delays
     return {
-        "request_lead_ms": _ms(request.lead_ns),
+        "request_lead_ms": _ms(request.delay_ns),
         "request_saves_ms": _ms(request.saves_ns),
-        "reply_lead_ms": _ms(reply.lead_ns),
+        "reply_lead_ms": _ms(reply.delay_ns),
         "reply_saves_ms": _ms(reply.saves_ns),
         "total_ms": _ms(cut.legs.total_ns),
         "waited_ms": _ms(cut.legs.waited_ns),

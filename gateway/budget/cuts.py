@@ -12,7 +12,7 @@ from gateway.drives.motion import Addressing, Form
 from gateway.exchange.cut_through.delay import (
     Shape,
     acknowledgement_shape,
-    lead_ns,
+    delay_ns,
     margin_ns,
     read_shape,
     reply_shape,
@@ -32,24 +32,24 @@ class Shapes(NamedTuple):
     reply: Shape
 
 
-class Lead(NamedTuple):
+class Delay(NamedTuple):
     """A frame that leaves while it arrives."""
 
-    lead_ns: int
+    delay_ns: int
     """From its first bit on the one wire to its first bit on the other, with the margin."""
     saves_ns: int
     """So much sooner than stored; 0: it is not worth it, and is stored."""
 
 
-def lead_of(shape: Shape, in_ns: int, out_ns: int) -> Lead:
-    """Return how a frame leaves between two wires with so long characters, as ``MeasuredLead`` would have it.
+def delay_of(shape: Shape, in_ns: int, out_ns: int) -> Delay:
+    """Return how a frame leaves between two wires with so long characters, as ``MeasuredDelay`` has it.
 
-    >>> lead_of(write_shape(2, 0, 2), 1_145_833, 1_145_833)  # both at 9 600 baud, 8E1
-    Lead(lead_ns=4944790, saves_ns=9951039)
+    >>> delay_of(write_shape(2, 0, 2), 1_145_833, 1_145_833)  # both at 9 600 baud, 8E1
+    Delay(delay_ns=4944790, saves_ns=9951039)
     """
-    after_ns = lead_ns(shape, in_ns, out_ns) + margin_ns(out_ns)
+    after_ns = delay_ns(shape, in_ns, out_ns) + margin_ns(out_ns)
     saves_ns = stored_ns(shape, in_ns) - after_ns
-    return Lead(after_ns, saves_ns if saves_ns >= max(in_ns, out_ns) else 0)
+    return Delay(after_ns, saves_ns if saves_ns >= max(in_ns, out_ns) else 0)
 
 
 def target_shapes(axis: AxisPlan, registers: int, with_rules: Collection[int]) -> Shapes | None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from gateway.budget.cuts import Lead
+from gateway.budget.cuts import Delay
 from gateway.budget.frames import Frame
 from gateway.budget.sequence import AS_MAPPED, Added, Blocks, Step, Why, added_of, round_of
 from gateway.budget.timing import (
@@ -11,11 +11,11 @@ from gateway.budget.timing import (
     Legs,
     Route,
     cut_through,
+    delays_of,
     direct_of,
     direct_round_ns,
     drive_side_ns,
     in_round,
-    leads_of,
     legs_of,
     round_ns,
 )
@@ -35,14 +35,14 @@ class CutBudget:
     No limit is held against it: whatever is not as usual is stored, and takes the time of that.
     """
 
-    leads: tuple[Lead, Lead]
+    delays: tuple[Delay, Delay]
     """Of request and reply."""
     legs: Legs
 
     @property
     def saves_ns(self) -> int:
         """How much sooner it is over than stored; 0: it is not worth it."""
-        return sum(lead.saves_ns for lead in self.leads)
+        return sum(delay.saves_ns for delay in self.delays)
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,14 +230,14 @@ def _exchange_budgets(
 
 def _cuts(route: Route, steps: Sequence[Step], quiet: Sequence[Legs]) -> list[CutBudget | None]:
     """Return the exchanges of a round in which all is cut through that may be."""
-    leads = [leads_of(route, step.shapes) for step in steps]
+    delays = [delays_of(route, step.shapes) for step in steps]
     early = [
-        legs if lead is None else cut_through(route, legs, *lead)
-        for legs, lead in zip(quiet, leads, strict=True)
+        legs if delay is None else cut_through(route, legs, *delay)
+        for legs, delay in zip(quiet, delays, strict=True)
     ]
     return [
-        None if lead is None else CutBudget(lead, legs)
-        for lead, legs in zip(leads, in_round(route, early), strict=True)
+        None if delay is None else CutBudget(delay, legs)
+        for delay, legs in zip(delays, in_round(route, early), strict=True)
     ]
 
 

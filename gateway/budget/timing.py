@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final
 
-from gateway.budget.cuts import Lead, Shapes, lead_of
+from gateway.budget.cuts import Delay, Shapes, delay_of
 from gateway.budget.frames import Frame
 from gateway.budget.wire import Wire
 from gateway.times import NS_PER_MS, US_PER_MS
@@ -88,12 +88,12 @@ class Legs:
         return self.request_in_ns + self.request_tail_ns + self.request_cut_ns
 
 
-def leads_of(route: Route, shapes: Shapes | None) -> tuple[Lead, Lead] | None:
+def delays_of(route: Route, shapes: Shapes | None) -> tuple[Delay, Delay] | None:
     """Return how a request and its reply may be cut through; None: they are stored."""
     in_ns, out_ns = route.controller.character_ns, route.drives.character_ns
     if shapes is None or not in_ns or not out_ns:
         return None
-    return lead_of(shapes.request, in_ns, out_ns), lead_of(shapes.reply, out_ns, in_ns)
+    return delay_of(shapes.request, in_ns, out_ns), delay_of(shapes.reply, out_ns, in_ns)
 
 
 def legs_of(route: Route, frame: Frame, gateway_ns: int, drive_ns: int = 0) -> Legs:
@@ -118,7 +118,7 @@ def legs_of(route: Route, frame: Frame, gateway_ns: int, drive_ns: int = 0) -> L
     )
 
 
-def cut_through(route: Route, quiet: Legs, request: Lead, reply: Lead) -> Legs:
+def cut_through(route: Route, quiet: Legs, request: Delay, reply: Delay) -> Legs:
     """Return the legs of an exchange on a line that was quiet whose frames leave while they arrive."""
     passed_ns = quiet.total_ns - quiet.request_in_ns - quiet.silence_ns - quiet.reply_out_ns
     passed_ns -= request.saves_ns + reply.saves_ns

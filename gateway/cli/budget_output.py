@@ -139,7 +139,7 @@ def _show_cut(console: Console, plan: LinePlan, controller: ControllerBudget) ->
     for name in ("request sooner by", "reply sooner by", "sum"):
         table.add_column(name, justify="right")
     for step, cut in found:
-        sooner = [ms(lead.saves_ns) if lead.saves_ns else "stored" for lead in cut.leads]
+        sooner = [ms(delay.saves_ns) if delay.saves_ns else "stored" for delay in cut.delays]
         table.add_row(f"  {step.axis} {step.what.value}", *sooner, ms(cut.legs.total_ns))
     table.add_row("  a round", "", "", ms(controller.round.cut_ns))
     console.print(table)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gateway.exchange.cut_through.forward import CutLine
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from gateway.times import NS_PER_US
 
 
@@ -17,15 +17,15 @@ def cut_status(cuts: CutLine) -> dict[str, Any]:
     }
 
 
-def _frames(ended: Mapping[Turn, int], stored: Mapping[Turn, int], gain_ns: int) -> dict[str, Any]:
-    whole = ended[Turn.COMMITTED]
+def _frames(ended: Mapping[CutEvent, int], stored: Mapping[CutEvent, int], gain_ns: int) -> dict[str, Any]:
+    whole = ended[CutEvent.COMMITTED]
     return {
         "cut_through": whole,
         "gain_us": round(gain_ns / whole / NS_PER_US) if whole else None,
-        "stored": {turn.value: number for turn, number in stored.items() if number},
+        "stored": {event.value: number for event, number in stored.items() if number},
         "spoilt": {
-            turn.value: number - stored[turn]
-            for turn, number in ended.items()
-            if turn is not Turn.COMMITTED and number > stored[turn]
+            event.value: number - stored[event]
+            for event, number in ended.items()
+            if event is not CutEvent.COMMITTED and number > stored[event]
         },
     }

@@ -36,8 +36,8 @@ from gateway.exchange.axis.registers import Loss
 from gateway.exchange.commands import Command, EndDryRun, SetLimits
 from gateway.exchange.control import ControlError, carry_out
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.cut_through.forward import CutLine, LeadingLine, Wire
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.forward import CutLine, ForwardingLine, Wire
+from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.cut_through.requests import leave_on
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.decode import AxisCommand
@@ -176,7 +176,9 @@ class LineExchange:
         """Of a line whose frames may leave while they arrive; ``cut_through`` is the wire of its drives."""
         if cut_through is not None:
             gap_ns = int(timing.gap_ms * NS_PER_MS)
-            line = LeadingLine(self._may_lead, self._lead, self._commit, self._leave_whole, self._spoilt)
+            line = ForwardingLine(
+                self._may_forward, self._begin, self._commit, self._leave_whole, self._spoilt
+            )
             self.cuts = CutLine(
                 line,
                 self._transactions,
@@ -379,7 +381,7 @@ class LineExchange:
         """Put a stop at the head of the queue, before everything that it overtakes (M3)."""
         current = self._transactions.current
         if current is not None and current.phase is Phase.LEAVING:
-            self._spoil(current, Turn.OVERTAKEN, now_ns)
+            self._spoil(current, CutEvent.OVERTAKEN, now_ns)
         self._turns.overtake(stop, stops, now_ns)
         if not self.is_up or self.rest.is_opening:
             stop.hold_up()
@@ -397,7 +399,7 @@ class LineExchange:
         if self.cuts is not None:
             self.cuts.gone(port, now_ns)
             if self._transactions.current is not None and self._transactions.current.port is port:
-                self._end_reply(Turn.LOST, now_ns)
+                self._end_reply(CutEvent.LOST, now_ns)
         self._give_up(port, "its connection closed", now_ns)
         self._admission.gone(port, now_ns, is_broken=is_broken)
         if is_broken and self._transactions.current is not None and self._transactions.current.port is port:
@@ -409,7 +411,7 @@ class LineExchange:
         for transaction in self._waiting.give_up(port):
             self._withdraw(transaction, reason, now_ns)
         if self._transactions.current and self._transactions.current.port is port:
-            self._end_reply(Turn.ANEW, now_ns)
+            self._end_reply(CutEvent.ANEW, now_ns)
             self._transactions.current.give_up()
 
     def note_standstill(self, gap_ns: int) -> None:
@@ -595,7 +597,7 @@ class LineExchange:
         self.counters.late += 1
         self._renewal.hear()
         if self._transactions.current is not None and self._transactions.current.phase is Phase.LEAVING:
-            self._spoil(self._transactions.current, Turn.MET, now_ns)
+            self._spoil(self._transactions.current, CutEvent.MET, now_ns)
         is_awaited = self.silent_units.disturb(unit_id, now_ns)
         if self.rest.is_draining:
             self.rest.disturb(now_ns)
@@ -672,14 +674,14 @@ class LineExchange:
             detail = ASKED if current is not None or not self._renewal.owes_nothing else IDLE
         self._go_down(LinkLoss.IDLE_CLOSE if is_idle else LinkLoss.LOSS, detail, current, now_ns)
         if current is not None and current.phase is Phase.LEAVING:
-            self._spoil(current, Turn.LOST, now_ns)
+            self._spoil(current, CutEvent.LOST, now_ns)
             self._end_leaving(current, now_ns)
         elif current is not None and self._may_begin_anew(current):
             self._transactions.go_on(current, Step.ANSWERED)
             current.begin_anew()
             self._waiting.put_back(current)
         elif current is not None:
-            self._end_reply(Turn.GONE, now_ns)
+            self._end_reply(CutEvent.GONE, now_ns)
             self._end_unanswered(current, now_ns)
         self._keep_waiting(now_ns)
         self._report(self.axes)
@@ -1069,23 +1071,23 @@ class LineExchange:
 
     # --- requests that leave while they arrive ---------------------------------------------------------
 
-    def _may_lead(self, port: ControllerPort, now_ns: int) -> bool:
-        """See ``LeadingLine``: what would go out at once, if all of it had come."""
+    def _may_forward(self, port: ControllerPort, now_ns: int) -> bool:
+        """See ``ForwardingLine``: what would go out at once, if all of it had come."""
         if self._transactions.current is not None or not self.is_up or self.rest.until_ns is not None:
             return False
         if self.silent_units.silences or self._is_stopping or not self._waiting.only_others:
             return False
-        return port.is_motion and port.gate is None and self._link.may_lead(now_ns)
+        return port.is_motion and port.gate is None and self._link.may_forward(now_ns)
 
-    def _lead(self, port: ControllerPort, expected: bytes, now_ns: int) -> Transaction | None:
-        """See ``LeadingLine``. Whatever comes meanwhile waits, as for one that has left (W6)."""
+    def _begin(self, port: ControllerPort, expected: bytes, now_ns: int) -> Transaction | None:
+        """See ``ForwardingLine``. Whatever comes meanwhile waits, as for one that has left (W6)."""
         if self._turns.gaps.is_watching:
             self._turns.note_motion(now_ns)
         transaction = Transaction(port, 0, expected[0], expected[1:], now_ns)
         return transaction if self._transactions.begin(transaction) else None
 
     def _commit(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
-        """See ``LeadingLine``. All of it has come in this moment."""
+        """See ``ForwardingLine``. All of it has come in this moment."""
         transaction = self._transactions.current
         assert transaction is not None
         port = transaction.port
@@ -1103,7 +1105,7 @@ class LineExchange:
     def _leave_whole(
         self, transaction: Transaction, unit_id: int, pdu: bytes, piece: bytes, now_ns: int
     ) -> None:
-        """See ``LeadingLine``."""
+        """See ``ForwardingLine``."""
         path, port = transaction.path, transaction.port
         assert path is not None
         assert port is not None
@@ -1117,7 +1119,7 @@ class LineExchange:
             self.cuts.reply.expect(transaction)
 
     def _spoilt(self, until_ns: int, now_ns: int) -> None:
-        """See ``LeadingLine``. If all of it comes it is a request as any other, behind the silence."""
+        """See ``ForwardingLine``. If all of it comes it is a request as any other, behind the silence."""
         transaction, self._transactions.current = self._transactions.current, None
         assert transaction is not None
         self._end_leaving(transaction, now_ns)
@@ -1125,12 +1127,12 @@ class LineExchange:
         self._turns.gaps.ended(transaction, now_ns, until_ns)
         self._next(now_ns)
 
-    def _end_reply(self, why: Turn, now_ns: int) -> None:
+    def _end_reply(self, why: CutEvent, now_ns: int) -> None:
         """Let no more leave of a reply that is leaving."""
         if self.cuts is not None:
             self.cuts.reply.end(why, now_ns)
 
-    def _spoil(self, transaction: Transaction, why: Turn, now_ns: int) -> None:
+    def _spoil(self, transaction: Transaction, why: CutEvent, now_ns: int) -> None:
         """Let no more leave of a request that is leaving."""
         assert self.cuts is not None
         self.cuts.end_leaving(transaction, why, now_ns)
@@ -1217,7 +1219,7 @@ class LineExchange:
         if self._tap is not None:
             self._tap.abandoned()
         self._link.abandon()
-        self._end_reply(Turn.STALLED, now_ns)
+        self._end_reply(CutEvent.STALLED, now_ns)
         self._transactions.current = None
         self.counters.timeouts += 1
         unit_id = transaction.wire_unit_id

@@ -76,15 +76,15 @@ class ControllerPort:
 
     # --- replies that leave while they arrive, and requests that did (``cut_through``); serial ports alone
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         """Whether a reply may begin to leave now."""
         return False
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         """Send bytes of a reply, of which the last ones of its check sum may come later or not at all."""
         raise NotImplementedError
 
-    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
         """Send the rest of a reply; what has left with it is this one."""
         raise NotImplementedError
 
@@ -140,14 +140,14 @@ class DriveLink:
 
     # --- requests that leave while they arrive (``cut_through``); serial links alone
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         """Whether a request may begin to leave now."""
         return False
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         """Send bytes of a request that is none yet, and may never be one."""
         raise NotImplementedError
 
-    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
         """Send the rest of a request; what has left with it is this one. Expect the reply that fits it."""
         raise NotImplementedError

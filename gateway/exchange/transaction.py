@@ -518,7 +518,7 @@ class Transactions:
         if not self.go_on(transaction, step):
             return False
         if step is _PIECE:
-            self._link.lead(piece)
+            self._link.forward(piece)
             return True
         transaction.sent_ns = now_ns
         transaction.wire_unit_id = unit_id
@@ -526,7 +526,7 @@ class Transactions:
         if self._tap is not None:
             self._tap.sent(unit_id, pdu)
         if step is _LAST_PIECE:
-            self._link.leave(unit_id, pdu, piece)
+            self._link.forward_last(unit_id, pdu, piece)
             return True
         if unit_id != BROADCAST_UNIT_ID or not self._link.is_serial:  # nobody answers a broadcast
             self.current = transaction

@@ -9,7 +9,7 @@ from typing import Final
 
 from gateway.clock import boot_ns
 from gateway.exchange.cut_through.forward import RequestCutter, Wire
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, writer_name
@@ -258,21 +258,21 @@ class RtuControllerPort(ControllerPort):
             self._expect_echo(self._replied_frame)
             self._sender.send(self._replied_frame)
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         """See ``ControllerPort``."""
         if self._echo is not None and self._echo.echo is Echo.UNKNOWN:
             return False  # the first reply tells whether it comes back: it leaves whole
         return self._sender is not None and self._sender.may_begin(now_ns)
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         """See ``ControllerPort``."""
         if self._sender is not None:
             self._expect_echo(piece)
             self._sender.add(piece)
 
-    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
         """See ``ControllerPort``."""
-        self.lead(rest)
+        self.forward(rest)
 
     def counters(self) -> dict[str, int]:
         """Return what framing has counted, for the status."""
@@ -315,7 +315,7 @@ class RtuControllerPort(ControllerPort):
     def _cut(self, cutter: RequestCutter, data: bytes, now_ns: int) -> bool:
         """Let bytes leave that may; return whether they ended a request that has left with them."""
         if self._beats.stood_still(now_ns, self.patience_ns):
-            cutter.end(Turn.STALLED, now_ns)
+            cutter.end(CutEvent.STALLED, now_ns)
             return False
         has_left = cutter.feed(data, now_ns, is_fresh=self._decoder.is_between_frames)
         self._arm_cut(cutter)

@@ -205,22 +205,22 @@ class RtuDriveLink(Link):
             self._decoder.expect_echo(unit_id, pdu)
         self._sender.send(encode_rtu(unit_id, pdu))
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         """See ``DriveLink``."""
         return self._sender.may_begin(now_ns)
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         """See ``DriveLink``."""
         if self._has_echo:
             self._own += piece
         self._sender.add(piece)
 
-    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
         """See ``DriveLink``."""
         self._asked_unit_id = unit_id
         self._damaged_before = self._decoder.counters.damaged
         self._decoder.expect_unechoed(unit_id, pdu)
-        self.lead(rest)
+        self.forward(rest)
 
     def abandon(self) -> None:
         """See ``DriveLink``. A request that still waits for its silence is not sent any more."""

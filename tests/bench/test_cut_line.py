@@ -7,7 +7,7 @@ import pytest
 from bench.cut_damage import Damage
 from bench.cut_line import READ, WRITE_HEAD, Way, damaged, direct_ns, has_whole, run, shares
 from gateway.exchange.cut_status import cut_status
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from gateway.modbus.crc import append_crc
 from gateway.simulator.ears import Hearing
 from gateway.simulator.pacing import Adapter
@@ -26,12 +26,12 @@ def test_a_line_that_stores_adds_the_wire_once_more() -> None:
 @pytest.mark.parametrize(
     ("way", "margin_us", "expected"),
     [
-        # Two leads of 4 + 2 characters and two margins (of 0.361 and of 0.2 ms), of 21 and of 19 characters.
+        # Two delays of 4 + 2 characters and two margins (of 0.361 and of 0.2 ms), of 21 and of 19 characters.
         (Way(9600), 361.458, ((6 * 1.145833 + 0.722917) / 24.0625, (6 * 1.145833 + 0.722917) / 21.7708)),
         (Way(115_200), 200, ((6 * 0.0954861 + 0.4) / 2.005208, (6 * 0.0954861 + 0.4) / 1.814236)),
     ],
 )
-def test_a_line_that_cuts_through_adds_its_leads(
+def test_a_line_that_cuts_through_adds_its_delays(
     way: Way, margin_us: float, expected: tuple[float, float]
 ) -> None:
     found, line = run(way, 600)
@@ -54,7 +54,7 @@ def test_a_port_that_hands_whole_frames_over_stores() -> None:
     found, line = run(way, 200)
     assert (found.unanswered, found.torn) == (0, 0)
     assert line.line.cuts is not None
-    assert line.line.cuts.requests[Turn.COMMITTED] == 0
+    assert line.line.cuts.requests[CutEvent.COMMITTED] == 0
     assert cut_status(line.line.cuts)["requests"]["gain_us"] is None
     assert line.events == {"line-up": 1, "cut-through-off": 2}  # of requests and of replies, once each
     stored = shares(way, run(Way(9600, cuts=False, adapter=way.adapter), 200)[0])
@@ -67,7 +67,7 @@ def test_no_drive_takes_what_nobody_sent_whole(hearing: Hearing) -> None:
     assert found.damaged > 60
     assert (found.foreign, found.forged) == (0, 0)
     assert line.line.cuts is not None
-    assert line.line.cuts.requests[Turn.BAD] > 0
+    assert line.line.cuts.requests[CutEvent.BAD] > 0
 
 
 def test_damaged_frames_against_the_cutter_alone() -> None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.budget.cuts import lead_of
+from gateway.budget.cuts import delay_of
 from gateway.budget.line import line_budget
 from gateway.budget.sequence import Blocks, Step, What, least_target_registers, round_of
 from gateway.budget.verdict import Grade, judge
@@ -39,16 +39,16 @@ def both(baudrate: int, axes: tuple[AxisPlan, ...] = (), out_baudrate: int = 0) 
         (115200, 95_486, LEAST_MARGIN),
     ],
 )
-def test_leads_of_a_write_and_a_read_where_both_sides_are_equal(
+def test_delays_of_a_write_and_a_read_where_both_sides_are_equal(
     baudrate: int, character_ns: int, margin_ns: int
 ) -> None:
     write, read = line_budget(both(baudrate)).controllers[0].exchanges
     assert write.cut is not None
     assert read.cut is not None
     # Of 13 and 8, of 8 and 9 characters: these are waited for, and the margin.
-    leads = [lead.lead_ns for each in (write.cut, read.cut) for lead in each.leads]
-    assert leads == [count * character_ns + margin_ns for count in (4, 2, 2, 4)]
-    saves = [lead.saves_ns for each in (write.cut, read.cut) for lead in each.leads]
+    delays = [delay.delay_ns for each in (write.cut, read.cut) for delay in each.delays]
+    assert delays == [count * character_ns + margin_ns for count in (4, 2, 2, 4)]
+    saves = [delay.saves_ns for each in (write.cut, read.cut) for delay in each.delays]
     assert saves == [count * character_ns - margin_ns for count in (9, 6, 6, 5)]
     assert (write.cut.saves_ns, read.cut.saves_ns) == (sum(saves[:2]), sum(saves[2:]))
 
@@ -68,13 +68,13 @@ def test_an_exchange_and_a_round_at_9600() -> None:
     assert write.legs.request_cut_ns == 0
 
 
-def test_a_slower_side_in_front_needs_more_lead_and_may_gain_nothing() -> None:
+def test_a_slower_side_in_front_needs_more_delay_and_may_gain_nothing() -> None:
     # 9 600 in, 115 200 out: 13 × 12 − 11 = 145 of the fast characters, of 156; 11 × 95.486 µs − 200 µs are
     # less than a slow character. The other way nothing is in the way of what is slow: the head.
-    assert lead_of(write_shape(2, 0, 2), 12 * 95_486, 95_486).lead_ns == 145 * 95_486 + LEAST_MARGIN
-    assert lead_of(write_shape(2, 0, 2), 12 * 95_486, 95_486).saves_ns == 0
-    assert lead_of(write_shape(2, 0, 2), 95_486, 12 * 95_486) == (4 * 95_486 + MARGIN_9600, 0)
-    fast_in = lead_of(write_shape(16, 0, 2), 95_486, 2 * 95_486)
+    assert delay_of(write_shape(2, 0, 2), 12 * 95_486, 95_486).delay_ns == 145 * 95_486 + LEAST_MARGIN
+    assert delay_of(write_shape(2, 0, 2), 12 * 95_486, 95_486).saves_ns == 0
+    assert delay_of(write_shape(2, 0, 2), 95_486, 12 * 95_486) == (4 * 95_486 + MARGIN_9600, 0)
+    fast_in = delay_of(write_shape(16, 0, 2), 95_486, 2 * 95_486)
     assert fast_in == (4 * 95_486 + LEAST_MARGIN, 37 * 95_486 - LEAST_MARGIN)
 
 

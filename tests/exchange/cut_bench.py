@@ -10,17 +10,17 @@ from gateway.exchange.cut_through.delay import (
     reply_shape,
     write_shape,
 )
-from gateway.exchange.cut_through.frame import CutThrough, Judge, Opening, Pace, Turn, is_fit_head
+from gateway.exchange.cut_through.frame import CutEvent, CutThrough, Judge, Opening, Pace, is_fit_head
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu_arrival import ReplyArrival, RequestArrival
 
 CHAR_NS = 1000
 """What a character takes, on either side."""
-LEAD_NS = 4000
+DELAY_NS = 4000
 """After the first character: a write leaves when five have come."""
 STALL_NS = 1500
 GUARD_NS = 500
-"""Half a character; the lead has a margin of a whole one."""
+"""Half a character; the delay has a margin of a whole one."""
 PACE = Pace(CHAR_NS, STALL_NS, GUARD_NS)
 HEAD = bytes.fromhex("01 10 6F 00 00 02 04")
 WRITE = append_crc(HEAD + bytes.fromhex("55 55 00 08"))
@@ -38,7 +38,7 @@ class Adds(Judge):
     shape: Shape = field(default_factory=lambda: write_shape(2, 0, 2))
     expected: bytes = LAST
     head_bytes: int = 7
-    lead_ns: int = LEAD_NS
+    delay_ns: int = DELAY_NS
     counts: int = 3
     refused: frozenset[bytes] = frozenset()
     agrees: bool = True
@@ -52,7 +52,7 @@ class Adds(Judge):
         compared = min(len(begun), self.head_bytes)
         if begun[:compared] != head[:compared]:
             return None
-        return Opening(self.shape, self.lead_ns, self.expected)
+        return Opening(self.shape, self.delay_ns, self.expected)
 
     def fits(self, opening: Opening, begun: bytes) -> bool:
         return begun[: self.head_bytes] == self.expected[: self.head_bytes]
@@ -75,41 +75,45 @@ READ_REPLY = append_crc(bytes.fromhex("01 03 06 00 00 10 00 00 07"))
 ACKNOWLEDGEMENT = append_crc(HEAD[:6])
 
 
-def write(stall_ns: int = STALL_NS, **changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
+def write(stall_ns: int = STALL_NS, **changes: object) -> tuple[CutThrough, Adds, list[CutEvent]]:
     """Return a write that has not begun to come, its judge, and the steps that it takes."""
     judge = Adds(**changes)  # type: ignore[arg-type]
-    turns: list[Turn] = []
-    return CutThrough(RequestArrival(), judge, Pace(CHAR_NS, stall_ns, GUARD_NS), turns.append), judge, turns
-
-
-def read(**changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
-    """The same of a read: it may begin with its second byte."""
-    judge = Adds(shape=read_shape(), expected=READ[:-2], head_bytes=6, lead_ns=2000, **changes)  # type: ignore[arg-type]
-    turns: list[Turn] = []
-    return CutThrough(RequestArrival(), judge, PACE, turns.append), judge, turns
-
-
-def read_reply(**changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
-    """The same of the reply to it: a position and a status behind it."""
-    expected = {"shape": reply_shape(3, [(0, 2)]), "expected": READ_REPLY[:-2], "head_bytes": 3}
-    judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
-    turns: list[Turn] = []
+    events: list[CutEvent] = []
     return (
-        CutThrough(ReplyArrival(1, READ[1:-2]), judge, PACE, turns.append),
+        CutThrough(RequestArrival(), judge, Pace(CHAR_NS, stall_ns, GUARD_NS), events.append),
         judge,
-        turns,
+        events,
     )
 
 
-def acknowledgement(**changes: object) -> tuple[CutThrough, Adds, list[Turn]]:
-    """The same of the reply to a write."""
-    expected = {"shape": acknowledgement_shape(), "expected": HEAD[:6], "head_bytes": 2, "lead_ns": 2000}
+def read(**changes: object) -> tuple[CutThrough, Adds, list[CutEvent]]:
+    """The same of a read: it may begin with its second byte."""
+    judge = Adds(shape=read_shape(), expected=READ[:-2], head_bytes=6, delay_ns=2000, **changes)  # type: ignore[arg-type]
+    events: list[CutEvent] = []
+    return CutThrough(RequestArrival(), judge, PACE, events.append), judge, events
+
+
+def read_reply(**changes: object) -> tuple[CutThrough, Adds, list[CutEvent]]:
+    """The same of the reply to it: a position and a status behind it."""
+    expected = {"shape": reply_shape(3, [(0, 2)]), "expected": READ_REPLY[:-2], "head_bytes": 3}
     judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
-    turns: list[Turn] = []
+    events: list[CutEvent] = []
     return (
-        CutThrough(ReplyArrival(1, WRITE[1:-2]), judge, PACE, turns.append),
+        CutThrough(ReplyArrival(1, READ[1:-2]), judge, PACE, events.append),
         judge,
-        turns,
+        events,
+    )
+
+
+def acknowledgement(**changes: object) -> tuple[CutThrough, Adds, list[CutEvent]]:
+    """The same of the reply to a write."""
+    expected = {"shape": acknowledgement_shape(), "expected": HEAD[:6], "head_bytes": 2, "delay_ns": 2000}
+    judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
+    events: list[CutEvent] = []
+    return (
+        CutThrough(ReplyArrival(1, WRITE[1:-2]), judge, PACE, events.append),
+        judge,
+        events,
     )
 
 

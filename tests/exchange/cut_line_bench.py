@@ -10,7 +10,7 @@ from typing import Any
 
 from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, Shape
 from gateway.exchange.cut_through.forward import Wire
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Role
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder
@@ -39,18 +39,18 @@ class PiecePort(Port):
         super().send_reply(transaction_id, unit_id, pdu)
         self.left.append((self.site.bench.now_ns, append_crc(bytes((unit_id,)) + pdu)))
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         return not self.is_busy
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         self.stamps.ready_ns = self.site.bench.now_ns
         self.on_piece()
         self.left.append((self.site.bench.now_ns, piece))
         self.stamps.sent_ns = self.site.bench.now_ns
 
-    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
         self.replies.append((transaction_id, unit_id, pdu))
-        self.lead(rest)
+        self.forward(rest)
 
 
 class PieceLink(Link):
@@ -68,25 +68,25 @@ class PieceLink(Link):
         super().send_request(unit_id, pdu)
         if unit_id:
             self.decoder.expect(unit_id, pdu)
-        self.lead(append_crc(bytes((unit_id,)) + pdu))
+        self.forward(append_crc(bytes((unit_id,)) + pdu))
 
     def abandon(self) -> None:
         super().abandon()
         self.decoder.cancel()
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         return not self.is_busy
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         self.stamps.ready_ns = self.now_ns()
         self.on_piece()
         self.left.append((self.now_ns(), piece))
         self.stamps.sent_ns, self.stamps.wire_ns_per_byte = self.now_ns(), CHAR_NS
 
-    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
         self.sent.append((unit_id, pdu))
         self.decoder.expect(unit_id, pdu)
-        self.lead(rest)
+        self.forward(rest)
 
 
 class Site:
@@ -108,7 +108,7 @@ class Site:
     # --- before -------------------------------------------------------------------------------------------
 
     def measure(self, *shapes: Shape, of_replies: bool = False) -> None:
-        """Let so many frames of a shape have come, character by character, that their lead is known."""
+        """Let so many frames of a shape have come, character by character, that their delay is known."""
         for shape in shapes:
             pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
             for _ in range(LEARNED_AFTER):
@@ -215,14 +215,14 @@ class Site:
         left, self.cnc.left = self.cnc.left, []
         return [((when - began_ns) / MS, data.hex(" ")) for when, data in left]
 
-    def requests(self) -> dict[Turn, int]:
+    def requests(self) -> dict[CutEvent, int]:
         """Return how requests ended that began to leave."""
         found = self.cuts.requests.items()
-        return {turn: count for turn, count in found if count and turn is not Turn.KEPT}
+        return {event: count for event, count in found if count and event is not CutEvent.KEPT}
 
-    def replies(self) -> dict[Turn, int]:
+    def replies(self) -> dict[CutEvent, int]:
         """Return how replies ended."""
-        return {turn: count for turn, count in self.cuts.replies.items() if count}
+        return {event: count for event, count in self.cuts.replies.items() if count}
 
 
 def frame_of(pdu: bytes, unit_id: int = 1) -> bytes:

@@ -73,7 +73,7 @@ WIRE = Wire(CHAR_NS, 350_000)
 """Of a bench whose line cuts through: as fast as 115 200 Bd."""
 KNOWN_REQUESTS = (read_shape(), *(write_shape(words, 0, 2) for words in (2, 3, 4)))
 KNOWN_REPLIES = (acknowledgement_shape(), *(reply_shape(words, [(0, 2)]) for words in (2, 3, 4)))
-"""Of what such a bench has measured the lead before it begins."""
+"""Of what such a bench has measured the delay before it begins."""
 
 
 class Port(ControllerPort):
@@ -87,13 +87,13 @@ class Port(ControllerPort):
         self.left_early = b""
         """Of a reply that leaves while it arrives."""
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         return True
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         self.left_early += piece
 
-    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
         assert self.left_early + rest == append_crc(bytes((unit_id,)) + pdu)
         self.left_early = b""
         self.replies.append((self.asked_id, unit_id, pdu))
@@ -117,13 +117,13 @@ class Link(DriveLink):
         self.left_early = b""
         """Of a request that leaves while it arrives."""
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         return True
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         self.left_early += piece
 
-    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
         assert self.left_early + rest == append_crc(bytes((unit_id,)) + pdu)
         self.left_early = b""
         self.sent.append((unit_id, pdu))

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from gateway.exchange.cut_through.delay import (
     LEARNED_AFTER,
     REMEMBERED,
-    MeasuredLead,
+    MeasuredDelay,
     Piece,
     Shape,
     acknowledgement_shape,
-    lead_ns,
+    delay_ns,
     margin_ns,
     needed_ns,
     read_shape,
@@ -64,8 +64,8 @@ def test_what_waits_for_what_in_a_reply_with_two_positions() -> None:
         (STATUS, 3),
     ],
 )
-def test_leads_in_characters_where_both_sides_are_equal(shape: Shape, characters: int) -> None:
-    assert lead_ns(shape, CHAR_9600, CHAR_9600) == characters * CHAR_9600
+def test_delays_in_characters_where_both_sides_are_equal(shape: Shape, characters: int) -> None:
+    assert delay_ns(shape, CHAR_9600, CHAR_9600) == characters * CHAR_9600
 
 
 def test_the_share_of_a_round_trip_that_is_added() -> None:
@@ -75,7 +75,7 @@ def test_the_share_of_a_round_trip_that_is_added() -> None:
         (READ, POSITION, 17),
         (READ, POSITION_AND_STATUS, 19),
     ):
-        added_ns = lead_ns(request, CHAR_9600, CHAR_9600) + lead_ns(reply, CHAR_9600, CHAR_9600)
+        added_ns = delay_ns(request, CHAR_9600, CHAR_9600) + delay_ns(reply, CHAR_9600, CHAR_9600)
         direct_ns = (request.length + reply.length) * CHAR_9600
         assert added_ns * whole == 6 * direct_ns
         assert stored_ns(request, CHAR_9600) + stored_ns(reply, CHAR_9600) == direct_ns
@@ -83,7 +83,7 @@ def test_the_share_of_a_round_trip_that_is_added() -> None:
 
 
 @pytest.mark.parametrize(
-    ("in_characters", "out_characters", "lead"),
+    ("in_characters", "out_characters", "delay"),
     [
         # in units of the faster wire's character; the write needs [4, 4, 4, 4, 5, 6, 7, 11 …, 13, 13]
         (1, 2, 4),  # a slow wire behind a fast one: the head is all that is waited for
@@ -91,9 +91,9 @@ def test_the_share_of_a_round_trip_that_is_added() -> None:
         (12, 1, 145),  # 9 600 behind 115 200: 13 × 12 − 11, of 156
     ],
 )
-def test_leads_where_baud_rates_differ(in_characters: int, out_characters: int, lead: int) -> None:
-    assert lead_ns(WRITE, in_characters, out_characters) == lead
-    assert lead < stored_ns(WRITE, in_characters)
+def test_delays_where_baud_rates_differ(in_characters: int, out_characters: int, delay: int) -> None:
+    assert delay_ns(WRITE, in_characters, out_characters) == delay
+    assert delay < stored_ns(WRITE, in_characters)
 
 
 def block_shape(before: int, behind: int) -> Shape:
@@ -121,7 +121,7 @@ shapes = st.one_of(
 def test_cut_through_never_begins_later_than_a_gateway_that_stores(
     shape: Shape, in_ns: int, out_ns: int
 ) -> None:
-    assert lead_ns(shape, in_ns, out_ns) <= stored_ns(shape, in_ns)
+    assert delay_ns(shape, in_ns, out_ns) <= stored_ns(shape, in_ns)
 
 
 @given(shape=shapes)
@@ -148,7 +148,7 @@ def test_a_frame_that_begins_as_late_as_needed_never_runs_empty_and_one_sooner_d
     counts = [b - a for a, b in zip([0, *cuts], cuts, strict=False)]
     lumps = [(data.draw(st.integers(0, 200)), count) for count in counts]
     pieces = pieces_of(lumps)
-    lead = needed_ns(shape, pieces, out_ns)
+    delay = needed_ns(shape, pieces, out_ns)
 
     def slack(begins_ns: int) -> int:
         """How long before a byte's turn on the wire it is there, the least of all."""
@@ -160,8 +160,8 @@ def test_a_frame_that_begins_as_late_as_needed_never_runs_empty_and_one_sooner_d
         )
 
     begun_ns = pieces[0].came_ns
-    assert slack(begun_ns + lead) >= 0
-    assert lead == 0 or slack(begun_ns + lead - 1) < 0
+    assert slack(begun_ns + delay) >= 0
+    assert delay == 0 or slack(begun_ns + delay - 1) < 0
 
 
 def test_an_adapter_that_hands_over_each_millisecond_at_38400() -> None:
@@ -177,89 +177,89 @@ def steady(count: int, char_ns: int = 1000, late_ns: int = 0) -> list[Piece]:
 
 
 def test_nothing_is_known_of_a_port_before_enough_frames_have_come() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER - 1):
-        lead.note(steady(13))
-        assert lead.lead_ns is None
-    lead.note(steady(13))
+        delay.note(steady(13))
+        assert delay.delay_ns is None
+    delay.note(steady(13))
     # Byte by byte the first piece is the first character: 4 − 1 = 3 after it, and one character of margin.
-    assert lead.lead_ns == 4000
+    assert delay.delay_ns == 4000
 
 
 def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_after_a_while() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
-        lead.note(steady(13))
-    lead.note(steady(13, late_ns=900))
-    assert lead.lead_ns == 3000 + 900 + 450 + 1000
+        delay.note(steady(13))
+    delay.note(steady(13, late_ns=900))
+    assert delay.delay_ns == 3000 + 900 + 450 + 1000
     for _ in range(REMEMBERED - 1):
-        lead.note(steady(13))
-    assert lead.lead_ns == 5350
-    lead.note(steady(13))
-    assert lead.lead_ns == 4000
+        delay.note(steady(13))
+    assert delay.delay_ns == 5350
+    delay.note(steady(13))
+    assert delay.delay_ns == 4000
 
 
 @pytest.mark.parametrize(
     "late", [{"own_ns": 900}, {"written_need_ns": 3900}, {"own_ns": -50_000, "written_need_ns": 3900}]
 )
 def test_what_the_gateway_took_itself_is_remembered_and_forgotten_after_a_while(late: dict[str, int]) -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
-        lead.note(steady(13))
-    lead.note(steady(13), **late)
-    assert lead.lead_ns == 3000 + 900 + 1000
+        delay.note(steady(13))
+    delay.note(steady(13), **late)
+    assert delay.delay_ns == 3000 + 900 + 1000
     for _ in range(REMEMBERED - 1):
-        lead.note(steady(13), written_need_ns=3000)
-    assert lead.lead_ns == 4900
-    lead.note(steady(13), written_need_ns=3000)
-    assert lead.lead_ns == 4000
+        delay.note(steady(13), written_need_ns=3000)
+    assert delay.delay_ns == 4900
+    delay.note(steady(13), written_need_ns=3000)
+    assert delay.delay_ns == 4000
 
 
 def test_a_gateway_that_is_always_too_slow_stores_for_good() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(3 * REMEMBERED):
-        lead.note(steady(13), own_ns=8000)
-        assert lead.lead_ns is None  # 3 + 8 + 1 and the character that is to be gained, of 12
+        delay.note(steady(13), own_ns=8000)
+        assert delay.delay_ns is None  # 3 + 8 + 1 and the character that is to be gained, of 12
 
 
 def test_a_port_that_hands_frames_over_whole_stores() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(2 * LEARNED_AFTER):
-        lead.note([Piece(0, 13)])
-    assert lead.lead_ns is None
+        delay.note([Piece(0, 13)])
+    assert delay.delay_ns is None
 
 
 def test_a_frame_that_gains_nothing_says_when_it_could_begin_and_when_it_is_whole() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER - 1):
-        lead.note([Piece(0, 13)])
-        assert lead.no_gain is None
-    lead.note([Piece(0, 13)])
-    assert lead.no_gain == (1000, 0)  # with its first piece it is whole, and the margin is waited for
-    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+        delay.note([Piece(0, 13)])
+        assert delay.no_gain is None
+    delay.note([Piece(0, 13)])
+    assert delay.no_gain == (1000, 0)  # with its first piece it is whole, and the margin is waited for
+    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
-        lead.note(steady(13))
-    assert lead.no_gain is None
+        delay.note(steady(13))
+    assert delay.no_gain is None
 
 
 def test_lumps_are_no_hindrance_where_the_wire_behind_them_is_busy_meanwhile() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
-        lead.note([Piece(0, 9), Piece(5000, 13)])
+        delay.note([Piece(0, 9), Piece(5000, 13)])
     # Seven bytes of the head leave at once, for 7 characters; after 5 the rest is there.
-    assert lead.lead_ns == 1000
+    assert delay.delay_ns == 1000
 
 
 def test_a_port_whose_needs_leave_no_gain_stores_and_cuts_through_again_when_they_have_passed() -> None:
-    lead = MeasuredLead(WRITE, 1000, 1000, margin_ns=1000)
+    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
-        lead.note(steady(13))
+        delay.note(steady(13))
     late = [Piece(each.came_ns + (5000 if each.so_far > 10 else 0), each.so_far) for each in steady(13)]
-    lead.note(late)
-    assert lead.lead_ns is None  # 3 + 5 + 2.5 + 1 characters, and the others were whole after 12
+    delay.note(late)
+    assert delay.delay_ns is None  # 3 + 5 + 2.5 + 1 characters, and the others were whole after 12
     for _ in range(REMEMBERED):
-        lead.note(steady(13))
-    assert lead.lead_ns == 4000
+        delay.note(steady(13))
+    assert delay.delay_ns == 4000
 
 
 @pytest.mark.parametrize(
@@ -291,8 +291,8 @@ def measured_ns(shape: Shape, char_ns: int, lump_ns: int) -> int:
             begun_ns = came_ns
             pieces.append(Piece(begun_ns + lump_ns, number))
         pieces[-1] = Piece(pieces[-1].came_ns, number)
-    lead = MeasuredLead(shape, char_ns, char_ns, margin_ns(char_ns))
+    delay = MeasuredDelay(shape, char_ns, char_ns, margin_ns(char_ns))
     for _ in range(LEARNED_AFTER):
-        lead.note(pieces)
-    assert lead.lead_ns is not None
-    return pieces[0].came_ns + lead.lead_ns
+        delay.note(pieces)
+    assert delay.delay_ns is not None
+    return pieces[0].came_ns + delay.delay_ns

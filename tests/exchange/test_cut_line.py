@@ -22,7 +22,7 @@ from gateway.exchange.cut_through.delay import (
     reply_shape,
     write_shape,
 )
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.cut_through.requests import STORED_FOR, WEIGHED_AT_LEAST, Heads
 from gateway.exchange.latency import bucket_of
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, OtherUnits
@@ -85,7 +85,7 @@ def test_a_setpoint_leaves_four_characters_behind_itself_and_its_reply_two() -> 
     ]
     assert line.line.is_idle
     assert line.cnc.replies == [(0, 1, NEXT[:5])]  # once
-    assert (line.requests(), line.replies()) == ({Turn.COMMITTED: 1}, {Turn.COMMITTED: 1})
+    assert (line.requests(), line.replies()) == ({CutEvent.COMMITTED: 1}, {CutEvent.COMMITTED: 1})
     assert line.line.axes[0].fields[0].nominal_words == NEXT[6:]
     assert line.cuts.torn == 0
     # The request was off the wire at 17.325, and the reply began at 20.
@@ -117,7 +117,7 @@ def test_a_tap_hears_frames_that_leave_early_in_the_order_of_those_that_are_stor
     line.come(frame_of(NEXT))
     line.pass_to(line.bench.now_ns + 20 * MS)
     line.reply(ACKNOWLEDGED)
-    assert (line.requests(), line.replies()) == ({Turn.COMMITTED: 1}, {Turn.COMMITTED: 1})
+    assert (line.requests(), line.replies()) == ({CutEvent.COMMITTED: 1}, {CutEvent.COMMITTED: 1})
     sent = write(COMMAND, 10_052)
     assert heard.frames == [
         (REQUEST, 1, NEXT.hex()),
@@ -174,7 +174,7 @@ def test_w3_a_bad_check_sum_leaves_as_one_that_is_bad_in_both_bytes_and_nothing_
     line.hear(line.panel, frame_of(OTHER))
     line.pass_to(began_ns + 40 * MS)
     assert line.to_drives(began_ns) == [(27.825, frame_of(OTHER).hex(" "))]
-    assert line.requests() == {Turn.BAD: 1}
+    assert line.requests() == {CutEvent.BAD: 1}
     # Nothing was lost: that never was a request (M3).
     assert (line.line.counters.refused, line.bench.kinds()) == (0, ["line-up", "stream-began"])
 
@@ -192,7 +192,7 @@ def test_a_frame_that_stalls_is_spoilt_and_goes_behind_the_silence_if_the_rest_c
     line.pass_to(began_ns + 40 * MS)
     sent = bytes.fromhex(" ".join(data for _, data in WHOLE)).hex(" ")
     assert line.to_drives(began_ns) == [(27.825, sent)]
-    assert line.requests() == {Turn.STALLED: 1}
+    assert line.requests() == {CutEvent.STALLED: 1}
 
 
 def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at_first() -> None:
@@ -208,7 +208,7 @@ def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at
     filled = line.to_drives(began_ns)
     assert [when for when, _ in filled] == [65.0]
     ends_spoilt([*HEAD[:2], *filled])
-    assert line.requests() == {Turn.STALLED: 1}
+    assert line.requests() == {CutEvent.STALLED: 1}
     # Eight characters are on the wire until 73; then three silences of 3.5.
     line.hear(line.panel, frame_of(STOP_PDU, 2))
     line.pass_to(began_ns + 200 * MS)
@@ -216,7 +216,7 @@ def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at
     line.answer(frame_of(STOP_PDU, 2))
     again_ns = line.come(frame)
     assert line.to_drives(again_ns) == WHOLE
-    assert line.requests() == {Turn.STALLED: 1, Turn.COMMITTED: 1}
+    assert line.requests() == {CutEvent.STALLED: 1, CutEvent.COMMITTED: 1}
 
 
 def test_a_target_that_may_not_leave_is_judged_in_its_turn_behind_the_silence() -> None:
@@ -231,7 +231,7 @@ def test_a_target_that_may_not_leave_is_judged_in_its_turn_behind_the_silence() 
     ((when, sent),) = line.to_drives(began_ns)
     assert when == 27.825
     assert is_intact(bytes.fromhex(sent))
-    assert line.requests() == {Turn.REFUSED: 1}
+    assert line.requests() == {CutEvent.REFUSED: 1}
     current = line.line._transactions.current
     assert current is not None
     assert (current.pdu, current.path) == (turned, None)
@@ -248,7 +248,7 @@ def test_m3_a_stop_of_another_controller_spoils_what_leaves_and_goes_behind_the_
     left = line.to_drives(began_ns)
     assert left[-1][0] == spoilt_at
     ends_spoilt(left)
-    assert line.requests() == {Turn.OVERTAKEN: 1}
+    assert line.requests() == {CutEvent.OVERTAKEN: 1}
     # The rest of it comes while the stop waits: it goes after the stop.
     line.come(frame_of(NEXT)[bytes_come:], since_ns=began_ns + bytes_come * MS)
     line.pass_to(began_ns + 30 * MS)
@@ -277,7 +277,7 @@ def test_a_port_that_is_lost_while_its_request_leaves_ends_it() -> None:
     left = line.to_drives(began_ns)
     assert [when for when, _ in left] == [4.325, 5.0, 6.0, 7.0, 8.0]
     ends_spoilt(left)
-    assert (line.line.is_idle, line.requests()) == (True, {Turn.GONE: 1})
+    assert (line.line.is_idle, line.requests()) == (True, {CutEvent.GONE: 1})
 
 
 def test_a_wire_that_is_lost_while_a_request_leaves_gets_no_more_of_it() -> None:
@@ -286,7 +286,7 @@ def test_a_wire_that_is_lost_while_a_request_leaves_gets_no_more_of_it() -> None
     line.line.link_down(line.bench.now_ns)
     line.come(frame_of(NEXT)[8:])
     assert line.to_drives(began_ns) == HEAD
-    assert (line.line.is_idle, line.requests()) == (True, {Turn.LOST: 1})
+    assert (line.line.is_idle, line.requests()) == (True, {CutEvent.LOST: 1})
     assert line.cnc.replies == []  # a serial controller: silence
 
 
@@ -295,7 +295,7 @@ def test_bytes_of_the_drives_meet_what_leaves_and_spoil_it() -> None:
     began_ns = line.come(frame_of(NEXT)[:8])
     line.answer(b"\x01")
     ends_spoilt(line.to_drives(began_ns))
-    assert (line.requests(), line.line.counters.late) == ({Turn.MET: 1}, 1)
+    assert (line.requests(), line.line.counters.late) == ({CutEvent.MET: 1}, 1)
 
 
 def test_w5_its_controller_begins_another_request() -> None:
@@ -306,7 +306,7 @@ def test_w5_its_controller_begins_another_request() -> None:
     line.hear(line.cnc, frame[12:] + frame_of(read(ACTUAL))[:1])
     left = line.to_drives(began_ns)
     ends_spoilt(left)
-    assert line.requests() == {Turn.ANEW: 1}
+    assert line.requests() == {CutEvent.ANEW: 1}
 
 
 def test_a_gateway_that_stops_lets_it_end() -> None:
@@ -351,7 +351,7 @@ def test_a_request_is_torn_where_it_is_written_later_than_the_transmitter_is_emp
     began_ns = line.come(frame_of(NEXT))
     # What left before the position was off the wire at 11.325.
     assert line.to_drives(began_ns) == [*HEAD, (11.0 + late_ms, "27 44 00 00"), (13.0, "12 84")]
-    assert (line.requests(), line.cuts.torn) == ({Turn.COMMITTED: 1}, torn)
+    assert (line.requests(), line.cuts.torn) == ({CutEvent.COMMITTED: 1}, torn)
 
 
 @pytest.mark.parametrize(
@@ -376,7 +376,7 @@ def test_requests_leave_so_much_later_as_the_gateway_took_between_reading_and_wr
         line.reply(ACKNOWLEDGED)
         line.pass_to(line.bench.now_ns + 10 * MS)
     assert left == [HEAD[0], begins, begins]
-    assert line.requests() == {Turn.COMMITTED: 3}
+    assert line.requests() == {CutEvent.COMMITTED: 3}
 
 
 def test_a_gateway_that_is_always_too_slow_tears_one_request_and_stores_all_others() -> None:
@@ -394,8 +394,8 @@ def test_a_gateway_that_is_always_too_slow_tears_one_request_and_stores_all_othe
         line.reply(ACKNOWLEDGED)
         line.pass_to(line.bench.now_ns + 10 * MS)
     # 3 + 8 characters, the margin and the one to be gained are more than the 12 in which it is whole.
-    assert line.requests() == {Turn.COMMITTED: 1}
-    assert (line.cuts.requests[Turn.KEPT], line.cuts.torn) == (2 * REMEMBERED - 1, 1)
+    assert line.requests() == {CutEvent.COMMITTED: 1}
+    assert (line.cuts.requests[CutEvent.KEPT], line.cuts.torn) == (2 * REMEMBERED - 1, 1)
 
 
 @pytest.mark.parametrize("is_good", [True, False])
@@ -422,7 +422,7 @@ def test_the_guard_rings_in_time_also_where_the_writing_has_taken_its_time() -> 
     *_, (when, data) = line.to_drives(began_ns)
     # Seven bytes, from 4.325 on, are off the wire at 11.325: filled up a quarter before.
     assert (when, len(bytes.fromhex(data))) == (11.075, 6)
-    assert (line.requests(), line.cuts.torn) == ({Turn.STALLED: 1}, 0)
+    assert (line.requests(), line.cuts.torn) == ({CutEvent.STALLED: 1}, 0)
 
 
 @pytest.mark.parametrize(("late_ms", "torn"), [(0.1, 0), (1.0, 1)])
@@ -436,7 +436,7 @@ def test_a_reply_is_torn_where_it_is_written_later_than_the_transmitter_is_empty
     began_ns = line.reply(ACKNOWLEDGED)
     # Its first six bytes were off the wire at 8.2.
     assert line.to_cnc(began_ns)[-1] == (8.0 + late_ms, ACKNOWLEDGED[-2:].hex(" "))
-    assert (line.replies(), line.cuts.torn) == ({Turn.COMMITTED: 1}, torn)
+    assert (line.replies(), line.cuts.torn) == ({CutEvent.COMMITTED: 1}, torn)
 
 
 @pytest.mark.parametrize(
@@ -465,7 +465,7 @@ def test_what_would_not_go_out_at_once_is_stored(what: str) -> None:
     assert line.to_drives(began_ns) == []
 
 
-def test_a_line_that_was_taken_before_the_lead_was_over_is_not_free_any_more() -> None:
+def test_a_line_that_was_taken_before_the_delay_was_over_is_not_free_any_more() -> None:
     line = site()
     began_ns = line.come(frame_of(NEXT)[:4])
     line.pass_to(began_ns + 4_100_000)
@@ -482,7 +482,7 @@ def test_two_setpoints_in_a_row_are_cut_through() -> None:
         line.pass_to(line.bench.now_ns + 5 * MS)
         line.answer(ACKNOWLEDGED)
         line.pass_to(line.bench.now_ns + 5 * MS)
-    assert line.requests() == {Turn.COMMITTED: 3}
+    assert line.requests() == {CutEvent.COMMITTED: 3}
     assert [reply for _, _, reply in line.cnc.replies] == [NEXT[:5]] * 3
     assert line.line.axes[0].fields[0].nominal_words == write(COMMAND, 10_120)[6:]
 
@@ -504,7 +504,7 @@ def test_a_reply_with_a_bad_check_sum_is_passed_on_as_one_that_is_bad_in_both_by
     line = asked()
     began_ns = line.reply(ACKNOWLEDGED[:-1] + bytes((ACKNOWLEDGED[-1] ^ 1,)))
     ends_spoilt(line.to_cnc(began_ns), 8)
-    assert (line.replies(), line.line.is_idle) == ({Turn.BAD: 1}, False)
+    assert (line.replies(), line.line.is_idle) == ({CutEvent.BAD: 1}, False)
     line.pass_to(began_ns + 1100 * MS)
     assert line.line.counters.timeouts == 1
     assert line.cnc.replies == []
@@ -526,7 +526,7 @@ def test_a_reply_that_stalls_is_spoilt_and_what_it_says_counts_all_the_same() ->
     line.forget()
     line.reply(ACKNOWLEDGED)
     assert line.cnc.replies == [(0, 1, NEXT[:5])]
-    assert line.replies() == {Turn.STALLED: 1, Turn.KEPT: 1}
+    assert line.replies() == {CutEvent.STALLED: 1, CutEvent.KEPT: 1}
 
 
 def test_w4_another_acknowledgement_is_spoilt_and_none() -> None:
@@ -534,7 +534,7 @@ def test_w4_another_acknowledgement_is_spoilt_and_none() -> None:
     began_ns = line.reply(frame_of(bytes.fromhex("10 FF FF 00 02")))
     left = line.to_cnc(began_ns)
     ends_spoilt(left, 8)
-    assert (line.replies(), line.line.is_idle, line.cnc.replies) == ({Turn.CHANGED: 1}, True, [])
+    assert (line.replies(), line.line.is_idle, line.cnc.replies) == ({CutEvent.CHANGED: 1}, True, [])
     assert line.line.axes[0].fields[0].nominal_words != NEXT[6:]
 
 
@@ -549,7 +549,7 @@ def test_a_drive_link_that_is_lost_ends_the_reply_that_leaves() -> None:
     began_ns = line.reply(ACKNOWLEDGED[:5])
     line.line.link_down(line.bench.now_ns)
     ends_spoilt(line.to_cnc(began_ns), 8)
-    assert line.replies() == {Turn.GONE: 1}
+    assert line.replies() == {CutEvent.GONE: 1}
 
 
 def test_a_controller_that_is_lost_hears_no_more_of_its_reply() -> None:
@@ -558,7 +558,7 @@ def test_a_controller_that_is_lost_hears_no_more_of_its_reply() -> None:
     line.line.controller_gone(line.cnc, line.bench.now_ns)
     line.reply(ACKNOWLEDGED[5:])
     assert line.to_cnc(began_ns) == [(2.325, "01 10"), (3.0, "06"), (4.0, "06"), (5.0, "00")]
-    assert (line.replies(), line.line.is_idle) == ({Turn.LOST: 1}, True)
+    assert (line.replies(), line.line.is_idle) == ({CutEvent.LOST: 1}, True)
 
 
 def test_a_reply_does_not_begin_before_the_silence_behind_its_request_is_over() -> None:
@@ -597,7 +597,7 @@ def test_a_line_without_the_key_has_none_of_this() -> None:
 
 # --- each end in each state -----------------------------------------------------------------------------
 
-STATES = {"begun": 4, "led": 6, "head": 7, "data": 11, "checked": 12}
+STATES = {"begun": 4, "head": 6, "whole-head": 7, "data": 11, "checked": 12}
 """Characters that have come: nothing has left, then some of its head, all of it, its position."""
 
 
@@ -626,13 +626,13 @@ def _table(line: Site) -> None:
     line.line.command(Disable(axes=("x",)), line.bench.now_ns)
 
 
-ENDS: dict[Callable[[Site], None], Turn] = {
-    _stop: Turn.OVERTAKEN,
-    _noise: Turn.MET,
-    _port: Turn.GONE,
-    _wire: Turn.LOST,
-    _silence: Turn.STALLED,
-    _table: Turn.CHANGED,
+ENDS: dict[Callable[[Site], None], CutEvent] = {
+    _stop: CutEvent.OVERTAKEN,
+    _noise: CutEvent.MET,
+    _port: CutEvent.GONE,
+    _wire: CutEvent.LOST,
+    _silence: CutEvent.STALLED,
+    _table: CutEvent.CHANGED,
 }
 
 
@@ -652,7 +652,7 @@ def test_each_end_in_each_state_leaves_a_line_that_works(state: str, end: Callab
     left = line.to_drives(began_ns)
     if has_begun:
         is_judged = STATES[state] >= 11
-        why = Turn.REFUSED if end is _table and not is_judged else ENDS[end]
+        why = CutEvent.REFUSED if end is _table and not is_judged else ENDS[end]
         assert line.requests() == {why: 1}
         if end is _wire:
             assert all(when < STATES[state] + 1 for when, _ in left)
@@ -691,7 +691,7 @@ def test_w12_to_a_device_that_is_no_axis_nothing_is_cut_through(*, is_named: boo
     left = line.to_drives(began_ns)
     assert bytes.fromhex(" ".join(data for _, data in left)) == frame
     assert left[0][0] == (8.0 if is_named else 2.325)
-    assert line.requests() == ({} if is_named else {Turn.COMMITTED: 1})
+    assert line.requests() == ({} if is_named else {CutEvent.COMMITTED: 1})
 
 
 def test_w12_an_odd_frame_begins_like_a_read_and_goes_whole() -> None:

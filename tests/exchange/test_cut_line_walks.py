@@ -10,7 +10,7 @@ from random import Random
 import pytest
 
 from gateway.exchange.cut_through.delay import acknowledgement_shape
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.transaction import Phase
 from gateway.modbus.crc import INVERTED, is_intact, residue_after
 from tests.exchange.cut_line_bench import CHAR_NS, PLAN, Site, frame_of
@@ -91,7 +91,7 @@ def step(line: Site, rng: Random, coming: bytes) -> bytes:
         line.line.controller_gone(line.cnc, line.bench.now_ns)
         line.cnc.decoder.reset()
         line.cutters[line.cnc] = line.cuts.follow(line.cnc, line.cutter.wire)
-        line.cutters[line.cnc].heads._leads.update(line.cutter.heads._leads)
+        line.cutters[line.cnc].heads._delays.update(line.cutter.heads._delays)
         line.cutters[line.cnc].heads._expected.update(line.cutter.heads._expected)
         return b""
     current = line.line._transactions.current
@@ -102,16 +102,16 @@ def step(line: Site, rng: Random, coming: bytes) -> bytes:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_drives_hear_whole_frames_or_what_is_none(seed: int) -> None:
-    ends: Counter[Turn] = Counter()
+    ends: Counter[CutEvent] = Counter()
     for number in range(SITES):
         ends.update(walked(Random(SITES * seed + number)))
-    assert ends[Turn.COMMITTED] > SITES / 4
-    for turn in (Turn.STALLED, Turn.OVERTAKEN, Turn.MET, Turn.GONE, Turn.LOST):
-        assert ends[turn] > 0, turn
-    assert ends[Turn.BAD] + ends[Turn.UNFIT] + ends[Turn.REFUSED] > 0
+    assert ends[CutEvent.COMMITTED] > SITES / 4
+    for event in (CutEvent.STALLED, CutEvent.OVERTAKEN, CutEvent.MET, CutEvent.GONE, CutEvent.LOST):
+        assert ends[event] > 0, event
+    assert ends[CutEvent.BAD] + ends[CutEvent.UNFIT] + ends[CutEvent.REFUSED] > 0
 
 
-def walked(rng: Random) -> dict[Turn, int]:
+def walked(rng: Random) -> dict[CutEvent, int]:
     """Return how requests ended that began to leave, while this and that happened."""
     line = site(PLAN, staged_plan(name="y", unit_id=2))
     line.measure(acknowledgement_shape(), of_replies=True)

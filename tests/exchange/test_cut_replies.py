@@ -8,7 +8,7 @@ import pytest
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, reply_shape
-from gateway.exchange.cut_through.frame import Cut, CutThrough, Turn
+from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough
 from gateway.exchange.cut_through.replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.plan import AxisPlan
 from gateway.exchange.transaction import Transaction
@@ -31,7 +31,7 @@ class Way:
     def __init__(self, plan: AxisPlan = PLAN) -> None:
         self.bench = Bench(plan)
         self.replies = Replies(CHAR_NS, CHAR_NS, CHAR_NS)
-        self.turns: list[Turn] = []
+        self.events: list[CutEvent] = []
 
     def measure(self, shape: Shape | None) -> None:
         assert shape is not None
@@ -61,8 +61,8 @@ class Way:
         if shape is not None:
             self.measure(shape)
         judge = ReplyJudge(transaction, self.replies, lambda: True)
-        self.turns = []
-        cut = CutThrough(ReplyArrival(unit_id, sent), judge, PACE, self.turns.append)
+        self.events = []
+        cut = CutThrough(ReplyArrival(unit_id, sent), judge, PACE, self.events.append)
         came = characters(append_crc(bytes((unit_id,)) + reply), from_ns=bench.now_ns)
         play(cut, came[:-1])
         meanwhile()
@@ -118,7 +118,7 @@ def begun(way: Way, pdu: bytes) -> tuple[Transaction, CutThrough]:
     transaction = way.bench.line._transactions.current
     assert transaction is not None
     judge = ReplyJudge(transaction, way.replies, lambda: True)
-    return transaction, CutThrough(ReplyArrival(1, pdu), judge, PACE, way.turns.append)
+    return transaction, CutThrough(ReplyArrival(1, pdu), judge, PACE, way.events.append)
 
 
 def test_a_spoilt_reply_is_filled_with_what_was_said_before() -> None:
@@ -129,7 +129,7 @@ def test_a_spoilt_reply_is_filled_with_what_was_said_before() -> None:
     _, cut = begun(way, BLOCK)
     # Its head has left, and the first word of a position that is never whole.
     play(cut, characters(b"\x01" + way.bench.memory.answer(BLOCK)[:4]), 90_000)
-    assert (cut.state, way.turns[-1]) == (Cut.SPOILT, Turn.STALLED)
+    assert (cut.state, way.events[-1]) == (Cut.SPOILT, CutEvent.STALLED)
     assert cut.left[:-2] == b"\x01" + before
     assert residue_after(cut.left) == INVERTED
 
@@ -139,7 +139,7 @@ def test_w4_an_acknowledgement_of_other_registers_gets_no_check_sum() -> None:
     way.settle()
     cut, passed = way.ask(write(COMMAND, 10_040), reply=bytes.fromhex("10 FF FF 00 02"))
     assert passed == bytes.fromhex("10 FF FF 00 02")
-    assert (cut.state, way.turns[-1], cut.arrival.known) == (Cut.SPOILT, Turn.CHANGED, Known.GOOD)
+    assert (cut.state, way.events[-1], cut.arrival.known) == (Cut.SPOILT, CutEvent.CHANGED, Known.GOOD)
     # It has gone on as it came: only its check sum is not the right one.
     assert cut.left[:-2] == bytes.fromhex("01 10 FF FF 00 02")
 
@@ -163,10 +163,10 @@ def test_the_reply_to_what_went_the_slow_path_is_stored() -> None:
 
 
 @pytest.mark.parametrize(
-    ("after_bytes", "state", "why"), [(0, Cut.STORED, Turn.KEPT), (5, Cut.SPOILT, Turn.REFUSED)]
+    ("after_bytes", "state", "why"), [(0, Cut.STORED, CutEvent.KEPT), (5, Cut.SPOILT, CutEvent.REFUSED)]
 )
 def test_a_reading_that_may_prove_a_target_is_not_turned_back_before_it_is_whole(
-    after_bytes: int, state: Cut, why: Turn
+    after_bytes: int, state: Cut, why: CutEvent
 ) -> None:
     """What is known of that before it begins to leave has it stored; what comes later, spoilt."""
     way = Way()
@@ -180,5 +180,5 @@ def test_a_reading_that_may_prove_a_target_is_not_turned_back_before_it_is_whole
     play(cut, came[:after_bytes])
     axis.motion.enter(MotionState.UNACKNOWLEDGED, Rendering(0, words, b"\0\0\0\1", 1.0, None))
     play(cut, came[after_bytes:])
-    assert (cut.state, way.turns[-1]) == (state, why)
+    assert (cut.state, way.events[-1]) == (state, why)
     assert len(cut.left) == (reply_shape(2, [(0, 2)]).length if state is Cut.SPOILT else 0)

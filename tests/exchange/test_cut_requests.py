@@ -7,7 +7,7 @@ import pytest
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, read_shape, write_shape
-from gateway.exchange.cut_through.frame import Cut, CutThrough, Turn
+from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough
 from gateway.exchange.cut_through.requests import Heads, RequestJudge, leave_on
 from gateway.exchange.dispatch import Units
 from gateway.exchange.plan import AxisPlan
@@ -34,7 +34,7 @@ class Way:
         self.heads = Heads(CHAR_NS, CHAR_NS, CHAR_NS)
         self.is_free = True
         self.left: list[Transaction] = []
-        self.turns: list[Turn] = []
+        self.events: list[CutEvent] = []
         for shape in (WRITE_SHAPE, read_shape()):
             pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
             for _ in range(LEARNED_AFTER):
@@ -69,8 +69,8 @@ class Way:
             return sent
 
         judge = RequestJudge(self.bench.port, self.units, self.heads, lambda: self.is_free, leaves)
-        self.turns = []
-        return CutThrough(RequestArrival(), judge, PACE, self.turns.append)
+        self.events = []
+        return CutThrough(RequestArrival(), judge, PACE, self.events.append)
 
     def cut(
         self, frame: bytes, meanwhile: Callable[[], None] = lambda: None, after_bytes: int = 12
@@ -100,7 +100,7 @@ def test_a_stream_leaves_as_the_line_would_have_sent_it(seed: int) -> None:
         if cut.state is Cut.WHOLE:
             assert cut.left == frame_of(sent)
         elif cut.state is Cut.SPOILT:  # the way turns: the slow path decides, and the drive gets no frame
-            assert way.turns[-1] is Turn.REFUSED
+            assert way.events[-1] is CutEvent.REFUSED
             assert residue_after(cut.left) == INVERTED
             assert cut.arrival.known is Known.GOOD
         else:  # the correction of the turn is blended
@@ -124,7 +124,7 @@ def test_whoever_takes_the_axis_over_meanwhile_is_not_overwritten() -> None:
     cut = way.cut(
         frame_of(write(COMMAND, 10_120)), lambda: hold.move("panel (192.168.0.9)", way.bench.now_ns)
     )
-    assert (cut.state, way.turns[-1], way.left) == (Cut.SPOILT, Turn.CHANGED, [])
+    assert (cut.state, way.events[-1], way.left) == (Cut.SPOILT, CutEvent.CHANGED, [])
 
 
 def test_an_axis_whose_link_was_lost_meanwhile_gets_no_target() -> None:
@@ -147,7 +147,7 @@ def test_a_read_leaves_at_its_function_wherever_it_reads() -> None:
         assert (cut.state, cut.left) == (Cut.WHOLE, frame)
     # One that cuts a position goes the slow path: nothing that a drive could take for a frame has left.
     cut = way.cut(frame_of(bytes.fromhex("03 05 20 00 01")))
-    assert (cut.state, way.turns[-1]) == (Cut.SPOILT, Turn.UNFIT)
+    assert (cut.state, way.events[-1]) == (Cut.SPOILT, CutEvent.UNFIT)
 
 
 def test_a_read_that_cuts_a_position_before_all_others_keeps_none_of_them_from_leaving() -> None:
@@ -206,7 +206,7 @@ def test_the_first_block_behind_a_known_beginning_is_spoilt_and_those_after_it_a
     way.settle()
     block = bytes.fromhex("10 06 06 00 03 06") + write(COMMAND, 10_120)[6:] + b"\0\0"
     cut = way.cut(frame_of(block))
-    assert (cut.state, way.turns[-1], cut.arrival.known) == (Cut.SPOILT, Turn.UNFIT, Known.GOOD)
+    assert (cut.state, way.events[-1], cut.arrival.known) == (Cut.SPOILT, CutEvent.UNFIT, Known.GOOD)
     assert len(cut.left) == WRITE_SHAPE.length
     way.store(block)
     assert way.cut(frame_of(block)).state is Cut.STORED
@@ -232,7 +232,7 @@ def test_nothing_is_cut_through_before_the_port_was_measured() -> None:
         heads.measure(WRITE_SHAPE, pieces)
     opening = heads.opening(b"\x01" + pdu[:3])
     assert opening is not None
-    assert (opening.shape, opening.lead_ns, opening.filler) == (WRITE_SHAPE, 4000, b"\x01" + pdu)
+    assert (opening.shape, opening.delay_ns, opening.filler) == (WRITE_SHAPE, 4000, b"\x01" + pdu)
     assert heads.opening(b"\x01" + pdu[:2]) is None
 
 
@@ -242,6 +242,6 @@ def test_another_port_is_another_controller() -> None:
     other = Port()
     other.writer = "panel"
     judge = RequestJudge(other, way.units, way.heads, lambda: True, lambda *_: None)
-    cut = CutThrough(RequestArrival(), judge, PACE, way.turns.append)
+    cut = CutThrough(RequestArrival(), judge, PACE, way.events.append)
     play(cut, characters(frame_of(write(COMMAND, 10_120))))
     assert cut.state is Cut.STORED

@@ -11,7 +11,7 @@ from random import Random
 
 import pytest
 
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Arrival, Bench, read, stream_plan, write
 from tests.exchange.test_fast_path import CURVE
 from tests.soak import repeated
@@ -60,11 +60,11 @@ def test_a_stream_reaches_its_drive_as_on_a_line_that_stores(
     assert cut_told == stored_told
     cuts = cut.line.cuts
     assert cuts is not None
-    requests, replies = cuts.requests[Turn.COMMITTED], cuts.replies[Turn.COMMITTED]
+    requests, replies = cuts.requests[CutEvent.COMMITTED], cuts.replies[CutEvent.COMMITTED]
     spoilt = {
-        turn.value: count - cuts.requests_stored[turn]
-        for turn, count in cuts.requests.items()
-        if turn is not Turn.COMMITTED and count > cuts.requests_stored[turn]
+        event.value: count - cuts.requests_stored[event]
+        for event, count in cuts.requests.items()
+        if event is not CutEvent.COMMITTED and count > cuts.requests_stored[event]
     }
     assert sum(cuts.requests.values()) == 2 * len(wanted)  # each of them has ended in one way
     whole_at_once = 2 * len(wanted) - sum(cuts.replies.values())  # of requests that took the slow path

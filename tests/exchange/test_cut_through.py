@@ -1,13 +1,13 @@
 """Frames that leave while they still arrive: bytes in with their instants, bytes out with theirs, by hand.
 
 A character takes 1 000 ns on either side. The write of one position begins with its first character at 1 000
-and leaves 4 000 later: 3 for the lead of the arithmetic (4 characters after its first bit) and one of margin.
+and leaves 4 000 later: 3 by the arithmetic of delays (4 characters after its first bit) and one of margin.
 """
 
 import pytest
 
 from gateway.exchange.cut_through.delay import write_shape
-from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutThrough, Turn, closed, is_fit_head
+from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutEvent, CutThrough, closed, is_fit_head
 from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
 from gateway.modbus.rtu_arrival import Known
 from tests.exchange.cut_bench import (
@@ -36,10 +36,10 @@ SPOILT_CRC = "a5 b9"
 
 
 def test_a_write_leaves_four_characters_behind_itself() -> None:
-    cut, judge, turns = write()
+    cut, judge, events = write()
     assert play(cut, characters(WRITE)) == OUT + DATA + CRC
     assert cut.left == SENT
-    assert turns == [Turn.OPENED, Turn.FITTED, Turn.JUDGED, Turn.COMMITTED]
+    assert events == [CutEvent.OPENED, CutEvent.FITTED, CutEvent.JUDGED, CutEvent.COMMITTED]
     assert judge.committed == [(WRITE[:-2], SENT[:-2])]
     # Its last character is off the wire at 5 000 + 13 000; it came in until 13 000.
     assert cut.empty_ns == 18000
@@ -58,7 +58,7 @@ def test_a_read_leaves_as_it_comes_and_its_check_sum_when_it_was_good() -> None:
 
 
 def test_the_positions_of_a_reply_are_turned_back_when_they_are_whole() -> None:
-    cut, _, turns = read_reply(counts=-3)
+    cut, _, events = read_reply(counts=-3)
     assert (
         play(cut, characters(READ_REPLY))
         == [
@@ -69,7 +69,7 @@ def test_the_positions_of_a_reply_are_turned_back_when_they_are_whole() -> None:
             (11000, append_crc(bytes.fromhex("01 03 06 00 00 0F FD 00 07"))[-2:].hex(" ")),
         ]
     )
-    assert turns == [Turn.OPENED, Turn.FITTED, Turn.JUDGED, Turn.COMMITTED]
+    assert events == [CutEvent.OPENED, CutEvent.FITTED, CutEvent.JUDGED, CutEvent.COMMITTED]
 
 
 def test_an_acknowledgement_is_two_characters_behind_itself() -> None:
@@ -79,22 +79,22 @@ def test_an_acknowledgement_is_two_characters_behind_itself() -> None:
     assert cut.left == ACKNOWLEDGEMENT
 
 
-def test_a_frame_that_comes_whole_before_its_lead_is_over_is_stored() -> None:
-    cut, judge, turns = write(stall_ns=4000)
+def test_a_frame_that_comes_whole_before_its_delay_is_over_is_stored() -> None:
+    cut, judge, events = write(stall_ns=4000)
     assert play(cut, [(1000, WRITE[:9]), (4000, WRITE[9:])], 20000) == []
-    assert (cut.state, turns, judge.committed) == (Cut.STORED, [Turn.KEPT], [])
+    assert (cut.state, events, judge.committed) == (Cut.STORED, [CutEvent.KEPT], [])
     assert cut.arrival.known is Known.GOOD
 
 
 def test_a_frame_that_stood_still_before_anything_of_it_left_is_stored() -> None:
-    # Two bytes do not say yet what it is. When more come its lead is over: it counts from the first of them.
-    cut, _, turns = write()
+    # Two bytes do not say yet what it is. When more come its delay is over: it counts from the first of them.
+    cut, _, events = write()
     pieces = [(1000, WRITE[:2]), (90000, WRITE[2:9]), (91000, WRITE[9:11]), (92000, WRITE[11:])]
     assert play(cut, pieces, 99000) == []
-    assert (cut.state, turns, cut.arrival.known) == (Cut.STORED, [Turn.STALLED], Known.GOOD)
+    assert (cut.state, events, cut.arrival.known) == (Cut.STORED, [CutEvent.STALLED], Known.GOOD)
 
 
-def test_lumps_leave_as_far_as_they_may_when_the_lead_is_over() -> None:
+def test_lumps_leave_as_far_as_they_may_when_the_delay_is_over() -> None:
     cut, _, _ = write(stall_ns=4000)
     assert play(cut, [(1000, WRITE[:4]), (4500, WRITE[4:9]), (8000, WRITE[9:])]) == [
         (5000, HEAD.hex(" ")),
@@ -107,7 +107,7 @@ def test_no_byte_of_data_leaves_before_the_position_is_whole_and_words_behind_it
     shape = write_shape(4, 1, 2)
     head = bytes.fromhex("01 10 6F 00 00 04 08")
     frame = append_crc(head + bytes.fromhex("11 11 00 00 00 20 22 22"))
-    cut, _, _ = write(shape=shape, expected=frame[:-2], lead_ns=6000)
+    cut, _, _ = write(shape=shape, expected=frame[:-2], delay_ns=6000)
     assert play(cut, characters(frame)) == [
         (7000, head.hex(" ")),
         (13000, "11 11 00 00 00 23"),
@@ -121,25 +121,25 @@ def test_no_byte_of_data_leaves_before_the_position_is_whole_and_words_behind_it
 
 
 def test_w3_a_bad_check_sum_at_the_end_is_passed_on_as_one_that_is_bad_in_both_bytes() -> None:
-    cut, judge, turns = write()
+    cut, judge, events = write()
     damaged = WRITE[:-1] + bytes((WRITE[-1] ^ 0x10,))
     assert play(cut, characters(damaged)) == [*OUT, *DATA, (13000, SPOILT_CRC)]
-    assert (cut.state, turns[-1], judge.committed) == (Cut.SPOILT, Turn.BAD, [])
+    assert (cut.state, events[-1], judge.committed) == (Cut.SPOILT, CutEvent.BAD, [])
 
 
 def test_silence_in_the_middle_fills_it_up_with_what_the_drive_holds() -> None:
-    cut, _, turns = write()
+    cut, _, events = write()
     # Nine characters, then nothing: 1.5 characters after the ninth.
     assert play(cut, characters(WRITE[:9]), 40000) == [*OUT, (10500, (LAST[7:] + filled_crc(LAST)).hex(" "))]
-    assert (cut.state, turns[-1]) == (Cut.SPOILT, Turn.STALLED)
+    assert (cut.state, events[-1]) == (Cut.SPOILT, CutEvent.STALLED)
     assert cut.left[:-2] == LAST
 
 
-def test_a_frame_that_broke_off_before_its_lead_is_over_does_not_begin_to_leave() -> None:
-    # Three bytes came at 1 000: 1.5 characters later, at 2 500, no more of it comes. Its lead ends at 3 000.
-    cut, _, turns = read()
+def test_a_frame_that_broke_off_before_its_delay_is_over_does_not_begin_to_leave() -> None:
+    # Three bytes came at 1 000: 1.5 characters later, at 2 500, no more of it comes. Its delay ends at 3 000.
+    cut, _, events = read()
     assert play(cut, [(1000, READ[:3])], 40000) == []
-    assert (cut.state, turns) == (Cut.STORED, [Turn.STALLED])
+    assert (cut.state, events) == (Cut.STORED, [CutEvent.STALLED])
 
 
 def filled_crc(body: bytes) -> bytes:
@@ -148,13 +148,13 @@ def filled_crc(body: bytes) -> bytes:
 
 
 def test_a_transmitter_that_would_be_empty_is_filled_before_it_is() -> None:
-    # The lead of a port that lied: seven characters of the head have left by 5 000 and last until 12 000.
-    cut, _, turns = write(stall_ns=60000)
+    # The delay of a port that lied: seven characters of the head have left by 5 000 and last until 12 000.
+    cut, _, events = write(stall_ns=60000)
     assert play(cut, [(1000, WRITE[:7])], 40000) == [
         (5000, HEAD.hex(" ")),
         (11500, (LAST[7:] + filled_crc(LAST)).hex(" ")),
     ]
-    assert turns[-1] is Turn.STALLED
+    assert events[-1] is CutEvent.STALLED
 
 
 def test_bytes_that_come_too_late_do_not_mend_a_frame_that_was_due_to_be_filled() -> None:
@@ -167,16 +167,16 @@ def test_bytes_that_come_too_late_do_not_mend_a_frame_that_was_due_to_be_filled(
 
 def test_what_is_refused_ends_before_any_of_its_data_has_left() -> None:
     position = b"\x7f\xff\xff\xff"
-    cut, _, turns = write(refused=frozenset({position}))
+    cut, _, events = write(refused=frozenset({position}))
     assert play(cut, characters(append_crc(HEAD + position))) == [
         *OUT,
         (11000, (LAST[7:] + filled_crc(LAST)).hex(" ")),
     ]
-    assert turns == [Turn.OPENED, Turn.FITTED, Turn.REFUSED]
+    assert events == [CutEvent.OPENED, CutEvent.FITTED, CutEvent.REFUSED]
 
 
 def test_a_head_that_goes_on_otherwise_than_expected_is_filled_up_as_expected() -> None:
-    cut, _, turns = write()
+    cut, _, events = write()
     other = append_crc(bytes.fromhex("01 10 6F 00 00 03 06 55 55 00 08 00 00"))
     # The length is known with the seventh byte; the sixth has left as it came.
     body = bytes.fromhex("01 10 6F 00 00 03") + LAST[6:]
@@ -185,36 +185,36 @@ def test_a_head_that_goes_on_otherwise_than_expected_is_filled_up_as_expected() 
         (6000, "03"),
         (7000, (LAST[6:] + filled_crc(body)).hex(" ")),
     ]
-    assert turns == [Turn.OPENED, Turn.UNFIT]
+    assert events == [CutEvent.OPENED, CutEvent.UNFIT]
     assert cut.arrival.known is Known.GOOD
 
 
 def test_a_stop_spoils_what_is_leaving_at_once() -> None:
-    cut, _, turns = write()
+    cut, _, events = write()
     play(cut, characters(WRITE[:6]))
-    assert cut.end(Turn.OVERTAKEN, 6400) == LAST[6:] + filled_crc(LAST)
-    assert (cut.state, turns[-1]) == (Cut.SPOILT, Turn.OVERTAKEN)
+    assert cut.end(CutEvent.OVERTAKEN, 6400) == LAST[6:] + filled_crc(LAST)
+    assert (cut.state, events[-1]) == (Cut.SPOILT, CutEvent.OVERTAKEN)
     assert cut.feed(WRITE[6:], 13000) == b""
     assert cut.arrival.known is Known.GOOD
 
 
 def test_a_request_with_another_one_behind_it_in_the_same_read_is_given_up() -> None:
-    cut, judge, turns = write()
+    cut, judge, events = write()
     play(cut, characters(WRITE[:12]))
     assert cut.feed(WRITE[12:] + READ, 13000).hex(" ") == SPOILT_CRC
-    assert (turns[-1], judge.committed) == (Turn.ANEW, [])
+    assert (events[-1], judge.committed) == (CutEvent.ANEW, [])
 
 
 def test_what_has_changed_since_it_was_judged_gets_no_check_sum() -> None:
-    cut, _, turns = write(agrees=False)
+    cut, _, events = write(agrees=False)
     assert play(cut, characters(WRITE)) == [*OUT, *DATA, (13000, SPOILT_CRC)]
-    assert turns[-1] is Turn.CHANGED
+    assert events[-1] is CutEvent.CHANGED
 
 
 def test_a_lost_wire_breaks_it_off_and_nothing_more_leaves() -> None:
     cut, _, _ = write()
     play(cut, characters(WRITE[:6]))
-    assert cut.end(Turn.LOST, 6400) == b""
+    assert cut.end(CutEvent.LOST, 6400) == b""
     assert cut.state is Cut.BROKEN
     assert play(cut, [(7000, WRITE[6:])], 90000) == []
 
@@ -227,7 +227,7 @@ def test_a_lost_wire_breaks_it_off_and_nothing_more_leaves() -> None:
     ],
 )
 def test_w4_replies_that_are_not_what_was_asked_for_are_stored(reply: str, left: str) -> None:
-    cut, _, _ = read_reply(lead_ns=0)
+    cut, _, _ = read_reply(delay_ns=0)
     assert play(cut, characters(bytes.fromhex(reply))) == []
     assert (cut.state, cut.left.hex(" ")) == (Cut.STORED, left)
 
@@ -273,8 +273,8 @@ def test_the_filling_never_ends_a_frame() -> None:
 
 SPOIL = "unfit refused changed bad stalled overtaken anew met gone"
 TABLE = {
-    Cut.BEGUN: {"stored": SPOIL + " kept lost", "led": "opened"},
-    Cut.LED: {"spoilt": SPOIL, "leaving": "fitted", "broken": "lost"},
+    Cut.BEGUN: {"stored": SPOIL + " kept lost", "head": "opened"},
+    Cut.HEAD: {"spoilt": SPOIL, "leaving": "fitted", "broken": "lost"},
     Cut.LEAVING: {"spoilt": SPOIL, "leaving": "judged", "whole": "committed", "broken": "lost"},
     Cut.STORED: {},
     Cut.WHOLE: {},
@@ -286,7 +286,7 @@ TABLE = {
 
 def test_the_table_is_the_one_that_was_meant() -> None:
     meant = {
-        state: {Turn(turn): Cut(after) for after, turns in rows.items() for turn in turns.split()}
+        state: {CutEvent(event): Cut(after) for after, events in rows.items() for event in events.split()}
         for state, rows in TABLE.items()
     }
     assert {state: dict(rows) for state, rows in CUT_AFTER.items()} == meant
@@ -295,32 +295,32 @@ def test_the_table_is_the_one_that_was_meant() -> None:
 def in_state(state: Cut) -> CutThrough:
     """Return a write that has come so far."""
     cut, _, _ = write()
-    bytes_of = {Cut.BEGUN: 4, Cut.LED: 6, Cut.LEAVING: 8, Cut.WHOLE: 13}
+    bytes_of = {Cut.BEGUN: 4, Cut.HEAD: 6, Cut.LEAVING: 8, Cut.WHOLE: 13}
     play(cut, characters(WRITE[: bytes_of.get(state, 6)]))
     if state is Cut.STORED:
         cut, _, _ = write()
-        cut.end(Turn.GONE, 0)
+        cut.end(CutEvent.GONE, 0)
     elif state is Cut.SPOILT:
-        cut.end(Turn.GONE, 6000)
+        cut.end(CutEvent.GONE, 6000)
     elif state is Cut.BROKEN:
-        cut.end(Turn.LOST, 6000)
+        cut.end(CutEvent.LOST, 6000)
     assert cut.state is state
     return cut
 
 
-ENDS = [each for each in Turn if each.value in SPOIL.split()]
+ENDS = [each for each in CutEvent if each.value in SPOIL.split()]
 
 
-@pytest.mark.parametrize("why", [*ENDS, Turn.LOST])
+@pytest.mark.parametrize("why", [*ENDS, CutEvent.LOST])
 @pytest.mark.parametrize("state", list(Cut))
-def test_each_end_in_each_state(state: Cut, why: Turn) -> None:
+def test_each_end_in_each_state(state: Cut, why: CutEvent) -> None:
     cut = in_state(state)
     before = cut.left
     filling = cut.end(why, 8100)
     if state in (Cut.BEGUN, *[each for each in Cut if not CUT_AFTER[each]]):
         assert (filling, cut.left) == (b"", before)
         assert cut.state is (Cut.STORED if state is Cut.BEGUN else state)
-    elif why is Turn.LOST:
+    elif why is CutEvent.LOST:
         assert (filling, cut.left, cut.state) == (b"", before, Cut.BROKEN)
     else:
         assert cut.left == before + filling

@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.exchange.cut_through.delay import write_shape
-from gateway.exchange.cut_through.frame import Cut, CutThrough, Turn, closed, is_fit_head
+from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough, closed, is_fit_head
 from gateway.modbus.crc import INVERTED, append_crc, ends_a_frame, is_intact, residue_after
 from gateway.modbus.rtu_arrival import Known, RequestArrival
 from tests.exchange.cut_bench import CHAR_NS, PACE, Adds
 from tests.soak import repeated
 
-ENDS = (Turn.OVERTAKEN, Turn.GONE, Turn.ANEW, Turn.LOST)
+ENDS = (CutEvent.OVERTAKEN, CutEvent.GONE, CutEvent.ANEW, CutEvent.LOST)
 words = st.integers(0, 2**32 - 1)
 good_frames = st.binary(min_size=2, max_size=60).map(append_crc)
 
@@ -33,10 +33,10 @@ class Course:
     """A bit of it, counted from its first; beyond its end: none."""
     cut_to: int
     """After so many bytes nothing more comes."""
-    ends: Turn | None
+    ends: CutEvent | None
     ends_after: int
     """Somebody ends it after so many bytes."""
-    lead_ns: int
+    delay_ns: int
     agrees: bool
     refused: bool
 
@@ -76,7 +76,7 @@ def courses(draw: st.DrawFn) -> Course:
         cut_to=draw(st.one_of(st.just(length), st.just(length), st.integers(1, length))),
         ends=draw(st.sampled_from((None, None, None, *ENDS))),
         ends_after=draw(st.integers(0, length)),
-        lead_ns=draw(st.one_of(enough, enough, st.integers(0, 16).map(lambda half: half * CHAR_NS // 2))),
+        delay_ns=draw(st.one_of(enough, enough, st.integers(0, 16).map(lambda half: half * CHAR_NS // 2))),
         agrees=draw(st.integers(0, 9)) > 0,
         refused=draw(st.integers(0, 9)) == 0,
     )
@@ -99,7 +99,7 @@ def run(course: Course) -> Left:
     judge = Adds(
         shape=write_shape(len(course.data) // 2, course.word, 2),
         expected=course.head + course.before,
-        lead_ns=course.lead_ns,
+        delay_ns=course.delay_ns,
         refused=frozenset({course.frame[position : position + 4]} if course.refused else ()),
         agrees=course.agrees,
     )

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
 from gateway.exchange.cut_through.forward import CutLine, ReplyCutter, RequestCutter, Wire
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, silence_ns
 from tests.ledger.buses import SPOILT_SILENCES, Bus, reply_length, request_length
 from tests.ledger.clock import MS, Clock
@@ -65,7 +65,7 @@ class CutWire(RtuWire):
 
     speeds: Speeds
     bus: Bus
-    _lead_unit = 0
+    _leaving_unit = 0
 
     def become(self, speeds: Speeds) -> None:
         """Say how fast it is; before the first byte."""
@@ -75,30 +75,30 @@ class CutWire(RtuWire):
             "the drives",
             request_length,
             self._ledger.book,
-            lambda: self._ledger.witness(self._lead_unit).journal,
+            lambda: self._ledger.witness(self._leaving_unit).journal,
             silences=SPOILT_SILENCES,
         )
         self._decoder = RtuReplyDecoder(speeds.drives.silence_ns)
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``."""
-        self._lead_unit = unit_id
+        self._leaving_unit = unit_id
         frame, fault = self._accounted(unit_id, pdu)
         data = self._framed(unit_id, pdu)
         self._put(data, frame, fault, self.bus.whole(data, self._clock.now_ns))
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         """See ``DriveLink``."""
         return self._is_open and self.bus.may_begin(now_ns)
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         """See ``DriveLink``."""
         if self.bus.may_begin(self._clock.now_ns):
-            self._lead_unit = piece[0]
-        self._ledger.witness(self._lead_unit).journal.note("leaves", piece)
+            self._leaving_unit = piece[0]
+        self._ledger.witness(self._leaving_unit).journal.note("leaves", piece)
         self.bus.piece(piece, self._clock.now_ns)
 
-    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
         """See ``DriveLink``."""
         frame, fault = self._accounted(unit_id, pdu)
         data = self._framed(unit_id, pdu)
@@ -228,15 +228,15 @@ class CutMaster(SerialMaster):
         ends_ns = self.bus.whole(rtu(unit_id, pdu), self._clock.now_ns)
         self._heard(unit_id, pdu, (ends_ns - self._clock.now_ns) / MS)
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         """See ``ControllerPort``."""
         return self.bus.may_begin(now_ns)
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         """See ``ControllerPort``."""
         self.bus.piece(piece, self._clock.now_ns)
 
-    def leave(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
         """See ``ControllerPort``."""
         ends_ns = self.bus.leave(rest, rtu(unit_id, pdu), self._clock.now_ns)
         self._heard(unit_id, pdu, (ends_ns - self._clock.now_ns) / MS)
@@ -265,13 +265,13 @@ def check_counts(cuts: CutLine, wire: CutWire, master: CutMaster, book: Book) ->
         ("requests", cuts.requests, cuts.requests_stored, wire.bus),
         ("replies", cuts.replies, cuts.replies_stored, master.bus),
     ):
-        book.seen[f"cut line: {what} cut through"] += ended[Turn.COMMITTED]
-        for turn, count in ended.items():
-            if turn is not Turn.COMMITTED:
-                book.seen[f"cut line: {what} stored, {turn.value}"] += stored[turn]
-                book.seen[f"cut line: {what} spoilt, {turn.value}"] += count - stored[turn]
-        spoilt = sum(ended.values()) - sum(stored.values()) - ended[Turn.COMMITTED]
-        told, heard = (ended[Turn.COMMITTED], spoilt), (bus.in_pieces, bus.not_whole)
+        book.seen[f"cut line: {what} cut through"] += ended[CutEvent.COMMITTED]
+        for event, count in ended.items():
+            if event is not CutEvent.COMMITTED:
+                book.seen[f"cut line: {what} stored, {event.value}"] += stored[event]
+                book.seen[f"cut line: {what} spoilt, {event.value}"] += count - stored[event]
+        spoilt = sum(ended.values()) - sum(stored.values()) - ended[CutEvent.COMMITTED]
+        told, heard = (ended[CutEvent.COMMITTED], spoilt), (bus.in_pieces, bus.not_whole)
         if heard != told:
             book.violation("counted-otherwise", f"{what}: whole, spoilt {heard} heard, {told} told", None)
     book.seen["cut line: torn"] += cuts.torn

@@ -15,7 +15,7 @@ import pytest
 from gateway.clock import boot_ns
 from gateway.compensation.settings import Setpoints
 from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, write_shape
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.line import LineExchange
 from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
 from gateway.relay.gateway import Relay
@@ -108,7 +108,7 @@ class Wires:
         (cutter,) = self.cuts._cutters.values()
         cutter._came = self.cuts.reply._came = None  # else learned from when the next one begins
         for forgotten in (cutter.heads, cutter.replies):
-            forgotten._leads.clear()
+            forgotten._delays.clear()
             forgotten._stored.clear()
         for shape, measure in (
             (write_shape(2, 0, 2), cutter.heads.measure),
@@ -199,13 +199,13 @@ async def test_a_setpoint_and_its_reply_leave_while_they_arrive(
         if heard != ACKNOWLEDGED:
             assert residue_after(heard) == INVERTED
         is_seen = wires.paced.seen_before_last >= 7 and wires.drive_paced.seen_before_last >= 2
-        if is_seen and wires.cuts.requests[Turn.COMMITTED] and wires.cuts.replies[Turn.COMMITTED]:
+        if is_seen and wires.cuts.requests[CutEvent.COMMITTED] and wires.cuts.replies[CutEvent.COMMITTED]:
             break
-    assert wires.cuts.requests[Turn.COMMITTED]
-    assert wires.cuts.replies[Turn.COMMITTED]
+    assert wires.cuts.requests[CutEvent.COMMITTED]
+    assert wires.cuts.replies[CutEvent.COMMITTED]
     assert wires.paced.seen_before_last >= 7
     assert wires.drive_paced.seen_before_last >= 2
-    assert (wires.cuts.requests[Turn.MET], wires.cuts.replies[Turn.BAD]) == (0, 0)
+    assert (wires.cuts.requests[CutEvent.MET], wires.cuts.replies[CutEvent.BAD]) == (0, 0)
 
 
 async def test_w3_a_bad_check_sum_leaves_as_one_that_is_bad_in_both_bytes(

@@ -338,20 +338,20 @@ SEEN_THERE: Final = (*ask("to", 0), ("arrive", 0), *ask("read"))
 def _leaves(name: str, *before: Happening) -> tuple[Happening, ...]:
     """Let a request leave in pieces; what else can happen is tried in each state on this way."""
     target = (0,) if name == "to" else ()
-    return (*before, ("half", 0, name, 0, *target), ("lead",), ("more",), ("tail",), ("drive", "ack"))
+    return (*before, ("half", 0, name, 0, *target), ("delay",), ("more",), ("tail",), ("drive", "ack"))
 
 
-REFUSED: Final = (*SEEN_THERE, ("half", 0, "to", 0, 1), ("lead",), ("more",), ("tail",), ("wait",))
+REFUSED: Final = (*SEEN_THERE, ("half", 0, "to", 0, 1), ("delay",), ("more",), ("tail",), ("wait",))
 """What its words tell is that the axis turns round: the frame is spoilt, and leaves stored."""
 CHANGED: Final = (
-    *(*SEEN_THERE, ("half", 0, "to", 0, 0), ("lead",), ("more",), ("table",)),
+    *(*SEEN_THERE, ("half", 0, "to", 0, 0), ("delay",), ("more",), ("table",)),
     *(("tail",), ("wait",), ("drive", "ack")),
 )
 """What has left is not what would be sent by now: the frame is spoilt, and leaves stored."""
 TAIL: Final = ("reply_tail",)
 ODDLY_ACKNOWLEDGED: Final = (
     *(*SEEN_THERE, ("ask", 0, "to", 0, 0), ("split", "garble")),
-    *(("reply_lead",), TAIL),
+    *(("reply_delay",), TAIL),
 )
 """A drive acknowledges other registers than were written: of what has left nothing is right."""
 
@@ -361,7 +361,7 @@ def _comes_back(name: str, *before: Happening) -> tuple[Happening, ...]:
     target = (0,) if name == "to" else ()
     return (
         *(*before, ("ask", 0, name, 0, *target), ("split",)),
-        *(("reply_lead",), ("reply_more",), ("reply_tail",)),
+        *(("reply_delay",), ("reply_more",), ("reply_tail",)),
     )
 
 

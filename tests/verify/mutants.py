@@ -82,7 +82,7 @@ ENUMS: Final = (
     "Step",
     "StopEvent",
     "Stopping",
-    "Turn",
+    "CutEvent",
     "WireEvent",
 )
 """Names of enums whose members are taken for each other."""

@@ -8,18 +8,18 @@ the exchange, the exceptions that a controller may be answered, and the ends of 
 from collections.abc import Collection
 from typing import Final
 
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.events import EventKind
 from tests.verify.snapshot import all_rows
 
 EXCEPTIONS: Final = (1, 4, 6, 0x0A, 0x0B)
-CUT_REQUESTS: Final = frozenset(Turn) - {Turn.OPENED, Turn.FITTED, Turn.JUDGED, Turn.KEPT}
-CUT_REPLIES: Final = CUT_REQUESTS - {Turn.OVERTAKEN, Turn.MET, Turn.UNFIT, Turn.REFUSED}
+CUT_REQUESTS: Final = frozenset(CutEvent) - {CutEvent.OPENED, CutEvent.FITTED, CutEvent.JUDGED, CutEvent.KEPT}
+CUT_REPLIES: Final = CUT_REQUESTS - {CutEvent.OVERTAKEN, CutEvent.MET, CutEvent.UNFIT, CutEvent.REFUSED}
 """Nothing overtakes a reply or meets it, its head is known before it begins, and it can be turned back."""
 CUT_ENDS: Final = frozenset(
-    f"cut {name} {turn.value}"
-    for name, turns in (("request", CUT_REQUESTS), ("reply", CUT_REPLIES))
-    for turn in turns
+    f"cut {name} {event.value}"
+    for name, events in (("request", CUT_REQUESTS), ("reply", CUT_REPLIES))
+    for event in events
 )
 """How what has left in part while it arrived can end (W12)."""
 NO_TABLE: Final = "taken without the table, as each setpoint of a stream takes it"

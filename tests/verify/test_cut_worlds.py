@@ -5,7 +5,7 @@ from typing import Final
 
 import pytest
 
-from gateway.exchange.cut_through.frame import Turn
+from gateway.exchange.cut_through.frame import CutEvent
 from tests.verify.designs import BY_NAME
 from tests.verify.designs_frames import ODDLY_ACKNOWLEDGED, SEEN_THERE, TAIL
 from tests.verify.designs_rules import ask
@@ -16,8 +16,8 @@ from tests.verify.test_verify import ACK
 from tests.verify.wires_cut import CutPipe, CutSide, CutWorld
 from tests.verify.world import Happening
 
-LED = (("lead",),)
-LEAVING = (("lead",), ("more",))
+HEAD = (("delay",),)
+LEAVING = (("delay",), ("more",))
 WORLDS = sorted(name for name, design in BY_NAME.items() if design.is_cut)
 
 
@@ -35,38 +35,38 @@ def let_happen(name: str, events: Sequence[Happening]) -> CutWorld:
     return world
 
 
-def ends_of(world: CutWorld) -> set[Turn]:
+def ends_of(world: CutWorld) -> set[CutEvent]:
     """Return how requests have ended that were not just stored."""
     cuts = world.sides[0].line.cuts
     assert cuts is not None
-    return {turn for turn, count in cuts.requests.items() if count and turn is not Turn.KEPT}
+    return {event for event, count in cuts.requests.items() if count and event is not CutEvent.KEPT}
 
 
-def ends_of_replies(world: CutWorld) -> set[Turn]:
+def ends_of_replies(world: CutWorld) -> set[CutEvent]:
     """The same of replies."""
     cuts = world.sides[0].line.cuts
     assert cuts is not None
-    return {turn for turn, count in cuts.replies.items() if count and turn is not Turn.KEPT}
+    return {event for event, count in cuts.replies.items() if count and event is not CutEvent.KEPT}
 
 
-@pytest.mark.parametrize("steps", [LED, LEAVING], ids=["led", "leaving"])
+@pytest.mark.parametrize("steps", [HEAD, LEAVING], ids=["head", "leaving"])
 @pytest.mark.parametrize("half", [("half", 0, "to", 0, 0), ("half", 0, "read", 0)], ids=["to", "read"])
 @pytest.mark.parametrize(
     ("name", "then", "end"),
     [
-        ("b-rtu-cut-to", (("tail",), ACK), Turn.COMMITTED),
-        ("b-rtu-cut-to", (("tail_bad",), ("wait",)), Turn.BAD),
-        ("b-rtu-cut-to", (("stall",), ("tail",), ("wait",), ACK), Turn.STALLED),
-        ("b-rtu-cut-to", (("wait",), ("tail",), ("wait",)), Turn.STALLED),
-        ("b-rtu-cut-to", (("noise",), ("tail",), ("wait",), ACK), Turn.MET),
-        ("b-rtu-cut-anew", (("anew", "read", 0), ("wait",), ACK), Turn.ANEW),
-        ("b-rtu-cut-stuck", (("stuck", "read", 0), ("wait",), ACK), Turn.STALLED),
-        ("b-rtu-cut-link", (("disconnect", 0), ("wait",)), Turn.GONE),
-        ("b-rtu-cut-link", (("unplug",), ("tail",), ("plug",)), Turn.LOST),
+        ("b-rtu-cut-to", (("tail",), ACK), CutEvent.COMMITTED),
+        ("b-rtu-cut-to", (("tail_bad",), ("wait",)), CutEvent.BAD),
+        ("b-rtu-cut-to", (("stall",), ("tail",), ("wait",), ACK), CutEvent.STALLED),
+        ("b-rtu-cut-to", (("wait",), ("tail",), ("wait",)), CutEvent.STALLED),
+        ("b-rtu-cut-to", (("noise",), ("tail",), ("wait",), ACK), CutEvent.MET),
+        ("b-rtu-cut-anew", (("anew", "read", 0), ("wait",), ACK), CutEvent.ANEW),
+        ("b-rtu-cut-stuck", (("stuck", "read", 0), ("wait",), ACK), CutEvent.STALLED),
+        ("b-rtu-cut-link", (("disconnect", 0), ("wait",)), CutEvent.GONE),
+        ("b-rtu-cut-link", (("unplug",), ("tail",), ("plug",)), CutEvent.LOST),
     ],
 )
 def test_a_request_that_leaves_ends_as_it_should_from_each_state(
-    name: str, half: Happening, steps: Sequence[Happening], then: Sequence[Happening], end: Turn
+    name: str, half: Happening, steps: Sequence[Happening], then: Sequence[Happening], end: CutEvent
 ) -> None:
     assert ends_of(let_happen(name, (*SEEN_THERE, half, *steps, *then))) == {end}
 
@@ -74,22 +74,22 @@ def test_a_request_that_leaves_ends_as_it_should_from_each_state(
 @pytest.mark.parametrize("change", ["table", "switch"])
 def test_another_table_spoils_a_target_and_no_read(change: str) -> None:
     to, read = ("half", 0, "to", 0, 0), ("half", 0, "read", 0)
-    for steps, end in ((LED, Turn.REFUSED), (LEAVING, Turn.CHANGED)):
-        for half, found in ((to, end), (read, Turn.COMMITTED)):
+    for steps, end in ((HEAD, CutEvent.REFUSED), (LEAVING, CutEvent.CHANGED)):
+        for half, found in ((to, end), (read, CutEvent.COMMITTED)):
             world = let_happen("b-rtu-cut-changes", (*SEEN_THERE, half, *steps, (change,), ("tail",)))
             assert ends_of(world) == {found}
 
 
-@pytest.mark.parametrize("steps", [LED, LEAVING], ids=["led", "leaving"])
+@pytest.mark.parametrize("steps", [HEAD, LEAVING], ids=["head", "leaving"])
 def test_a_stop_spoils_a_read_that_leaves_and_another_read_waits_for_it(steps: Sequence[Happening]) -> None:
     before = (("ask", 0, "read", 0), ACK, ("half", 0, "read", 0), *steps)
     world = let_happen("b-rtu-cut-stop", (*before, ("ask", 1, "stop", 0), ("tail",), ("wait",), ("settle",)))
-    assert ends_of(world) == {Turn.OVERTAKEN}
+    assert ends_of(world) == {CutEvent.OVERTAKEN}
     world = let_happen("b-rtu-cut-stop", (*before, ("ask", 1, "read", 0), ("tail",), ACK, ACK))
-    assert ends_of(world) == {Turn.COMMITTED}
+    assert ends_of(world) == {CutEvent.COMMITTED}
 
 
-@pytest.mark.parametrize("steps", [LED, LEAVING], ids=["led", "leaving"])
+@pytest.mark.parametrize("steps", [HEAD, LEAVING], ids=["head", "leaving"])
 def test_a_gateway_that_is_killed_leaves_nothing_behind_that_could_be_a_frame(
     steps: Sequence[Happening],
 ) -> None:
@@ -99,7 +99,7 @@ def test_a_gateway_that_is_killed_leaves_nothing_behind_that_could_be_a_frame(
     assert ends_of(world) == set()
 
 
-@pytest.mark.parametrize("steps", [LED, LEAVING], ids=["led", "leaving"])
+@pytest.mark.parametrize("steps", [HEAD, LEAVING], ids=["head", "leaving"])
 def test_a_stop_of_another_axis_spoils_a_target_that_leaves_and_goes_first(
     steps: Sequence[Happening],
 ) -> None:
@@ -110,40 +110,40 @@ def test_a_stop_of_another_axis_spoils_a_target_that_leaves_and_goes_first(
     world = let_happen("b-rtu-cut-beside", (*before, ("tail",), ("wait",)))
     assert world.state.wire is not None
     assert (world.state.wire.unit_id, world.state.wire.pdu) == (2, world.pdu("stop"))
-    assert ends_of(world) == {Turn.OVERTAKEN}
+    assert ends_of(world) == {CutEvent.OVERTAKEN}
     world.happen(ACK)
     assert world.state.wire is not None  # all of the target came: it is a request as any other
     assert world.state.wire.pdu.hex(" ") == "10 06 06 00 02 04 23 d4 00 00"
 
 
 def test_a_target_with_another_head_than_was_expected_is_spoilt() -> None:
-    before = (*SEEN_THERE, ("half", 0, "to", 0, 0), *LED)
+    before = (*SEEN_THERE, ("half", 0, "to", 0, 0), *HEAD)
     world = let_happen(
         "b-rtu-cut-to", (*before, ("tail_odd",), ("ask", 0, "read", 0), ("wait",), ("settle",))
     )
-    assert ends_of(world) == {Turn.UNFIT}
+    assert ends_of(world) == {CutEvent.UNFIT}
 
 
-COMING: Final = (("split",), ("reply_lead",))
+COMING: Final = (("split",), ("reply_delay",))
 COME: Final = (*COMING, ("reply_more",))
 
 
-@pytest.mark.parametrize("steps", [COMING, COME], ids=["led", "leaving"])
+@pytest.mark.parametrize("steps", [COMING, COME], ids=["head", "leaving"])
 @pytest.mark.parametrize("asked", [("ask", 0, "to", 0, 0), ("ask", 0, "read", 0)], ids=["to", "read"])
 @pytest.mark.parametrize(
     ("name", "then", "end"),
     [
-        ("b-rtu-cut-back", (TAIL,), Turn.COMMITTED),
-        ("b-rtu-cut-back-bad", (("reply_bad",), ("wait",)), Turn.BAD),
-        ("b-rtu-cut-back", (("reply_stall",), TAIL), Turn.STALLED),
-        ("b-rtu-cut-back-silent", (("wait",), TAIL), Turn.STALLED),
-        ("b-rtu-cut-back-again", (("ask", 0, "read", 0), TAIL, ("settle",)), Turn.ANEW),
-        ("b-rtu-cut-back-link", (("disconnect", 0), TAIL), Turn.LOST),
-        ("b-rtu-cut-back-link", (("unplug",), ("plug",)), Turn.GONE),
+        ("b-rtu-cut-back", (TAIL,), CutEvent.COMMITTED),
+        ("b-rtu-cut-back-bad", (("reply_bad",), ("wait",)), CutEvent.BAD),
+        ("b-rtu-cut-back", (("reply_stall",), TAIL), CutEvent.STALLED),
+        ("b-rtu-cut-back-silent", (("wait",), TAIL), CutEvent.STALLED),
+        ("b-rtu-cut-back-again", (("ask", 0, "read", 0), TAIL, ("settle",)), CutEvent.ANEW),
+        ("b-rtu-cut-back-link", (("disconnect", 0), TAIL), CutEvent.LOST),
+        ("b-rtu-cut-back-link", (("unplug",), ("plug",)), CutEvent.GONE),
     ],
 )
 def test_a_reply_that_leaves_ends_as_it_should_from_each_state(
-    name: str, asked: Happening, steps: Sequence[Happening], then: Sequence[Happening], end: Turn
+    name: str, asked: Happening, steps: Sequence[Happening], then: Sequence[Happening], end: CutEvent
 ) -> None:
     before = SEEN_THERE
     if name.endswith("bad"):
@@ -156,18 +156,18 @@ def test_a_reply_that_leaves_ends_as_it_should_from_each_state(
     assert not world.is_replying
 
 
-@pytest.mark.parametrize("steps", [COMING, COME], ids=["led", "leaving"])
+@pytest.mark.parametrize("steps", [COMING, COME], ids=["head", "leaving"])
 def test_a_stop_waits_for_a_reply_that_leaves(steps: Sequence[Happening]) -> None:
     before = (("ask", 0, "read", 0), ACK, ("ask", 0, "read", 0), *steps, ("ask", 1, "stop", 0))
     world = let_happen("b-rtu-cut-back-stop", (*before, TAIL))
     assert world.state.wire is not None
     assert world.state.wire.pdu == world.pdu("stop")
-    assert ends_of_replies(world) == {Turn.COMMITTED}
+    assert ends_of_replies(world) == {CutEvent.COMMITTED}
 
 
 def test_an_acknowledgement_of_other_registers_is_spoilt_where_bytes_of_it_have_left() -> None:
     world = let_happen("b-rtu-cut-back-odd", ODDLY_ACKNOWLEDGED)
-    assert ends_of_replies(world) == {Turn.CHANGED}
+    assert ends_of_replies(world) == {CutEvent.CHANGED}
 
 
 @pytest.mark.parametrize("first", ["02 03 04 23", "01 04 04 23", "01 03 06 23", "01 83 04 40"])
@@ -175,9 +175,9 @@ def test_what_begins_as_no_reply_to_what_was_asked_never_begins_to_leave(first: 
     world = let_happen("b-rtu-cut-back", (*SEEN_THERE, ("ask", 0, "read", 0)))
     side = world.sides[0]
     assert isinstance(side, CutSide)
-    kept = side.cuts.replies_stored[Turn.KEPT]
+    kept = side.cuts.replies_stored[CutEvent.KEPT]
     side.hear(bytes.fromhex(first), world.now_ns)
-    assert (side.cuts.replies_stored[Turn.KEPT], side.cuts.reply.deadline_ns) == (kept + 1, None)
+    assert (side.cuts.replies_stored[CutEvent.KEPT], side.cuts.reply.deadline_ns) == (kept + 1, None)
 
 
 def test_a_reply_that_leaves_ends_although_its_controller_begins_another_request() -> None:
@@ -186,7 +186,7 @@ def test_a_reply_that_leaves_ends_although_its_controller_begins_another_request
     assert isinstance(side, CutSide)
     side.feed(0, bytes.fromhex("01 03 05 20"), world.now_ns)
     world.happen(TAIL)
-    assert ends_of_replies(world) == {Turn.COMMITTED}
+    assert ends_of_replies(world) == {CutEvent.COMMITTED}
     side.feed(0, bytes.fromhex("00 02 C5 0D"), world.now_ns)
     assert side.link.sent == [(1, bytes.fromhex("03 05 20 00 02"))]
 
@@ -194,7 +194,7 @@ def test_a_reply_that_leaves_ends_although_its_controller_begins_another_request
 def test_a_refusal_is_stored() -> None:
     asked = (*SEEN_THERE, ("ask", 0, "read", 0), ("split", "refuse"))
     world = let_happen("b-rtu-cut-back-odd", asked)
-    assert ("reply_lead",) not in world.happenings()
+    assert ("reply_delay",) not in world.happenings()
     world.happen(TAIL)
     assert ends_of_replies(world) == set()
     assert world.tally.refusals == {4}

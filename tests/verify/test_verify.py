@@ -131,7 +131,7 @@ def test_the_lists_of_what_is_left_out_name_only_what_there_is() -> None:
         (BY_NAME["pipelined"], (TO_1, ("ask", 0, "run", 0), ACK, ACK)),
         (BY_NAME["b-requests"], (TO_0, ACK, ACK)),
         (BY_NAME["b-rtu"], (TO_0, ACK, ACK)),
-        (BY_NAME["b-rtu-cut"], (("ask", 0, "read", 0), ACK, ("half", 0, "read", 0), ("lead",), ("tail",))),
+        (BY_NAME["b-rtu-cut"], (("ask", 0, "read", 0), ACK, ("half", 0, "read", 0), ("delay",), ("tail",))),
         (BY_NAME["s-silent"], (TO_0, ("wait",))),
         (BY_NAME["s-group"], (TO_0, ACK)),
     ):

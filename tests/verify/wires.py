@@ -128,17 +128,17 @@ class BytesLink(DriveLink):
         self.is_abandoned |= self.is_awaiting
         self.real.abandon()
 
-    def may_lead(self, now_ns: int) -> bool:
+    def may_forward(self, now_ns: int) -> bool:
         """See ``DriveLink``."""
-        return self.real.may_lead(now_ns)
+        return self.real.may_forward(now_ns)
 
-    def lead(self, piece: bytes) -> None:
+    def forward(self, piece: bytes) -> None:
         """See ``DriveLink``."""
-        self.real.lead(piece)
+        self.real.forward(piece)
 
-    def leave(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
+    def forward_last(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
         """See ``DriveLink``."""
-        self.real.leave(unit_id, pdu, rest)
+        self.real.forward_last(unit_id, pdu, rest)
 
     def opened(self, now_ns: int) -> None:
         """See ``Receiver``."""

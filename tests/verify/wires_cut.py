@@ -1,9 +1,10 @@
 """Worlds in which requests and replies leave while they arrive: the real cutters, bytes in pieces.
 
 What is abstracted, beside what :mod:`tests.verify.wires_rtu` says: the pieces of a frame come at one instant,
-and the lead of its first byte is 1 ns. So each piece comes before the lead is over or after it, as the world
-has it, and in time unless the world lets the cutter's deadline pass (``stall``). What ports need is not
-learned, and whether it pays is not weighed: both would go on for ever, and are forgotten with each event.
+and its first byte leaves with a delay of 1 ns. So each piece comes before the delay is over or after it, as
+the world has it, and in time unless the world lets the forwarder's deadline pass (``stall``). What ports need
+is not learned, and whether it pays is not weighed: both would go on for ever, and are forgotten with each
+event.
 
 A witness on each wire (:class:`CutPipe`) takes apart what leaves, and knows nothing of cutters.
 
@@ -14,7 +15,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from gateway.exchange.cut_through.delay import (
-    MeasuredLead,
+    MeasuredDelay,
     Shape,
     acknowledgement_shape,
     margin_ns,
@@ -24,7 +25,7 @@ from gateway.exchange.cut_through.delay import (
 )
 from gateway.exchange.cut_through.forward import CutLine, RequestCutter
 from gateway.exchange.cut_through.forward import Wire as LineWire
-from gateway.exchange.cut_through.frame import Cut, Turn
+from gateway.exchange.cut_through.frame import Cut, CutEvent
 from gateway.exchange.events import Event
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.transaction import Phase
@@ -42,29 +43,29 @@ CHAR_NS: Final = 200_000
 DRIVES: Final = LineWire(CHAR_NS, 1_750_000)
 CONTROLLER: Final = LineWire(CHAR_NS, 0)
 """A silence of no length: what begins after a whole frame, at the same instant, begins after a silence."""
-LEAD_NS: Final = 1
+DELAY_NS: Final = 1
 DATA: Final = 11
 """So many bytes of a write have come when its position is whole; of a read all but its check sum, nearly."""
 BLOCK: Final = 0x10
 READ: Final = 0x03
 QUIET: Final = (
-    *("half", "lead", "more", "stall", "noise", "tail_bad", "tail_odd"),
-    *("split", "reply_lead", "reply_more", "reply_stall", "reply_bad"),
+    *("half", "delay", "more", "stall", "noise", "tail_bad", "tail_odd"),
+    *("split", "reply_delay", "reply_more", "reply_stall", "reply_bad"),
 )
 """Events with which no request and no reply is whole: they change no axis."""
-ENDS: Final = tuple(f"{name} {turn.value}" for name in ("request", "reply") for turn in Turn)
+ENDS: Final = tuple(f"{name} {event.value}" for name in ("request", "reply") for event in CutEvent)
 CUTS_OFF: Final = ("unplug", "kill", "kill_bare")
 """After these nothing of a request follows on what has left."""
 CUTS_REPLY_OFF: Final = ("disconnect", "kill", "kill_bare")
 """The same of a reply."""
 
 
-def steady(*shapes: Shape) -> dict[Shape, MeasuredLead]:
-    """Return the leads of a port that was measured before."""
-    leads = {shape: MeasuredLead(shape, CHAR_NS, CHAR_NS, margin_ns(CHAR_NS)) for shape in shapes}
-    for lead in leads.values():
-        lead.lead_ns = LEAD_NS
-    return leads
+def steady(*shapes: Shape) -> dict[Shape, MeasuredDelay]:
+    """Return the delays of a port that was measured before."""
+    delays = {shape: MeasuredDelay(shape, CHAR_NS, CHAR_NS, margin_ns(CHAR_NS)) for shape in shapes}
+    for delay in delays.values():
+        delay.delay_ns = DELAY_NS
+    return delays
 
 
 def forget_measured(cutter: RequestCutter) -> None:
@@ -176,8 +177,10 @@ class CutSide(RtuSide):
         cutter = self._cutters.get(port)
         if cutter is None:
             cutter = self._cutters[port] = port._cutter
-            cutter.heads._leads |= steady(read_shape(), write_shape(2, 0, 2))
-            cutter.replies._leads |= steady(acknowledgement_shape(), reply_shape(1), reply_shape(2, [(0, 2)]))
+            cutter.heads._delays |= steady(read_shape(), write_shape(2, 0, 2))
+            cutter.replies._delays |= steady(
+                acknowledgement_shape(), reply_shape(1), reply_shape(2, [(0, 2)])
+            )
         cutter.heads._expected.clear()
         cutter.replies._passed.clear()
         cutter._cut = None
@@ -260,12 +263,12 @@ class CutSide(RtuSide):
         """Return how often each end of ``ENDS`` was met so far by a frame of which bytes had left."""
         cuts = self.cuts
         return tuple(
-            ended[turn] - stored[turn]
+            ended[event] - stored[event]
             for ended, stored in (
                 (cuts.requests, cuts.requests_stored),
                 (cuts.replies, cuts.replies_stored),
             )
-            for turn in Turn
+            for event in CutEvent
         )
 
     def cut_off(self, now_ns: int) -> None:
@@ -345,7 +348,7 @@ class CutWorld(RtuWorld):
             found += [("stuck", *each) for each in self._requests()]
         is_waited_for = self._cut_side.ports[0]._cut_timer.deadline_ns is not None
         if is_waited_for:
-            found.append(("stall",) if self.is_leaving else ("lead",))
+            found.append(("stall",) if self.is_leaving else ("delay",))
         if self.is_leaving and "noise" in design.happenings:
             found.append(("noise",))
         return found
@@ -376,7 +379,7 @@ class CutWorld(RtuWorld):
         if "again" in design.happenings and state.asked[0]:
             found += [("ask", 0, *each) for each in self._requests()]
         if self._cut_side.link.real._cut_timer.deadline_ns is not None:
-            found.append(("reply_stall",) if self.is_replying else ("reply_lead",))
+            found.append(("reply_stall",) if self.is_replying else ("reply_delay",))
         return found
 
     def _requests(self) -> Iterable[tuple[Any, ...]]:
@@ -493,8 +496,8 @@ class CutWorld(RtuWorld):
         self._cut_side.feed(0, piece, self.now_ns)
         self._collect()
 
-    def _on_lead(self) -> None:
-        """The lead of the first byte is over."""
+    def _on_delay(self) -> None:
+        """The delay of the first byte is over."""
         self._pass_once()
 
     def _on_stall(self) -> None:
@@ -641,8 +644,8 @@ class CutWorld(RtuWorld):
         self._cut_side.hear(rest, self.now_ns)
         self._collect()
 
-    def _on_reply_lead(self) -> None:
-        """The lead of its first byte is over."""
+    def _on_reply_delay(self) -> None:
+        """The delay of its first byte is over."""
         self._pass_reply_timer()
 
     def _on_reply_stall(self) -> None:

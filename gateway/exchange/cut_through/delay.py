@@ -1,12 +1,12 @@
-"""How late the first byte of a frame has to leave that is passed on while it still arrives.
+"""The forwarding delay: how late the first byte of a frame leaves that is forwarded while it still arrives.
 
 A byte leaves when the bytes have come that it depends on; a transmitter that has begun must never run empty
 inside the frame: adapters that switch the direction of an RS-485 bus by themselves let go of it then, and
 drives take a pause for the end of a frame. So the first byte waits until no later one will have to.
 
-A :class:`Shape` says what depends on what, in bytes. :func:`lead_ns` makes a time of it for two wires that
+A :class:`Shape` says what depends on what, in bytes. :func:`delay_ns` makes a time of it for two wires that
 keep their baud rates exactly. What adapters, drivers and this process add, nobody works out:
-:class:`MeasuredLead` learns it from the frames that came.
+:class:`MeasuredDelay` learns it from the frames that came.
 
 Counted in characters of wires that are both equally fast a write of one position of two registers leaves four
 characters after it began to arrive: its last position byte is the eleventh to come and the eighth to leave.
@@ -107,7 +107,7 @@ def reply_shape(words: int, positions: Sequence[tuple[int, int]] = ()) -> Shape:
     return Shape(ADU_OVERHEAD + FUNCTION_KNOWN + 2 * words, tuple(gates))
 
 
-def lead_ns(shape: Shape, in_ns: int, out_ns: int) -> int:
+def delay_ns(shape: Shape, in_ns: int, out_ns: int) -> int:
     """Return how long after the first bit of a frame came its own first bit may leave, at the earliest.
 
     Args:
@@ -153,7 +153,7 @@ LEAST_GUARD_NS: Final = 125_000
 """and never less: where characters are long, more time costs as small a part of a round trip."""
 LATER_NS: Final = 75_000
 """So much later than the latest that was seen, and half of what they differed by, bytes may come. Less than
-the guard, because a frame whose bytes come later still is spoilt, and one whose guard rings later is torn."""
+the guard: a frame whose bytes come later still is spoilt, one whose guard rings later has a gap in it."""
 LEARNED_AFTER: Final = 32
 """Frames of a shape that are stored before the first one may leave early: nobody knows the port before."""
 REMEMBERED: Final = 256
@@ -178,7 +178,7 @@ def margin_ns(out_ns: int) -> int:
     return guard_ns(out_ns) + LATER_NS
 
 
-class MeasuredLead:
+class MeasuredDelay:
     """How long after its first piece a frame of one shape may begin to leave, by what the last ones needed.
 
     No model of an adapter: latency timers, packets, the scheduler of the system and different baud rates all
@@ -192,7 +192,7 @@ class MeasuredLead:
         "_needs_ns",
         "_own_ns",
         "_wholes_ns",
-        "lead_ns",
+        "delay_ns",
         "no_gain",
         "out_ns",
         "shape",
@@ -206,7 +206,7 @@ class MeasuredLead:
         self._needs_ns: deque[int] = deque(maxlen=REMEMBERED)
         self._own_ns: deque[int] = deque(maxlen=REMEMBERED)
         self._wholes_ns: deque[int] = deque(maxlen=REMEMBERED)
-        self.lead_ns: int | None = None
+        self.delay_ns: int | None = None
         """After so long a frame may begin to leave. None: it is stored, because too few have been seen, or
         because it would not leave a character before the soonest of them was whole."""
         self.no_gain: tuple[int, int] | None = None
@@ -227,8 +227,8 @@ class MeasuredLead:
         wholes_ns.append(pieces[-1].came_ns - pieces[0].came_ns)
         longest_ns = max(needs_ns)
         spread_ns = longest_ns - min(needs_ns)
-        lead_ns = longest_ns + spread_ns // 2 + max(self._own_ns) + self._margin_ns
+        delay_ns = longest_ns + spread_ns // 2 + max(self._own_ns) + self._margin_ns
         is_known, whole_ns = len(needs_ns) >= LEARNED_AFTER, min(wholes_ns)
-        is_gain = is_known and lead_ns + self._char_ns <= whole_ns
-        self.lead_ns = lead_ns if is_gain else None
-        self.no_gain = (lead_ns, whole_ns) if is_known and not is_gain else None
+        is_gain = is_known and delay_ns + self._char_ns <= whole_ns
+        self.delay_ns = delay_ns if is_gain else None
+        self.no_gain = (delay_ns, whole_ns) if is_known and not is_gain else None

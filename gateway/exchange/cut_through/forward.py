@@ -4,7 +4,7 @@ Made for lines whose configuration asks for it; every other line has none of thi
 controller has a :class:`RequestCutter`, the drives' wire has one :class:`ReplyCutter`. Both follow all frames
 beside the decoder, from its first byte after a silence: what is not cut through teaches how the port hands
 bytes over, and takes the usual way. What leaves does so as whole frames do, and the line is told
-(:class:`LeadingLine`).
+(:class:`ForwardingLine`).
 """
 
 from collections import deque
@@ -13,8 +13,15 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
-from gateway.exchange.cut_through.delay import CRC_BYTES, REMEMBERED, MeasuredLead, Piece, guard_ns, margin_ns
-from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutThrough, Pace, Turn
+from gateway.exchange.cut_through.delay import (
+    CRC_BYTES,
+    REMEMBERED,
+    MeasuredDelay,
+    Piece,
+    guard_ns,
+    margin_ns,
+)
+from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutEvent, CutThrough, Pace
 from gateway.exchange.cut_through.replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.cut_through.requests import WRITE, Heads, RequestJudge, beginning_of, shape_of
 from gateway.exchange.dispatch import Units
@@ -28,7 +35,9 @@ from gateway.times import NS_PER_MS
 
 SPOILT_SILENCES: Final = 3
 """So many silences follow a spoilt frame: whoever cannot tell its length has to see where it ended."""
-WASTED: Final = frozenset({Turn.UNFIT, Turn.REFUSED, Turn.CHANGED, Turn.STALLED, Turn.ANEW, Turn.MET})
+WASTED: Final = frozenset(
+    {CutEvent.UNFIT, CutEvent.REFUSED, CutEvent.CHANGED, CutEvent.STALLED, CutEvent.ANEW, CutEvent.MET}
+)
 """Why a frame was spoilt that stored would have left whole."""
 
 
@@ -63,16 +72,16 @@ class Pauses:
         self.longest_ns = max(self._longest)
 
 
-class LeadingLine(NamedTuple):
+class ForwardingLine(NamedTuple):
     """What a line does for a request that leaves while it arrives. Times are in ns."""
 
-    may_lead: Callable[[ControllerPort, int], bool]
+    may_forward: Callable[[ControllerPort, int], bool]
     """Whether a request of a port may begin to leave now, if it is one of those that may."""
-    lead: Callable[[ControllerPort, bytes, int], Transaction | None]
+    begin: Callable[[ControllerPort, bytes, int], Transaction | None]
     """A request begins to leave that is expected to be this one: unit id and PDU."""
     commit: Callable[[FastPath, bytes, SteadyTarget | None, int], bytes | None]
     """All of it has come: let its rest leave, on its fast path; see ``RequestJudge``."""
-    leave: Callable[[Transaction, int, bytes, bytes, int], None]
+    forward_last: Callable[[Transaction, int, bytes, bytes, int], None]
     """Its rest leaves: unit id, PDU as it left, last bytes."""
     spoilt: Callable[[int, int], None]
     """It was spoilt: nothing is sent before the first instant, when the silence behind it is over."""
@@ -97,7 +106,7 @@ class CutLine:
 
     def __init__(
         self,
-        line: LeadingLine,
+        line: ForwardingLine,
         transactions: Transactions,
         link: DriveLink,
         units: Units,
@@ -118,12 +127,12 @@ class CutLine:
         self.stored_units = stored_units
         self.silence_ns = max(gap_ns, SPOILT_SILENCES * wire.silence_ns)
         """After a spoilt request."""
-        self.requests = dict.fromkeys(Turn, 0)
+        self.requests = dict.fromkeys(CutEvent, 0)
         """How requests ended, and why: COMMITTED were cut through, KEPT stored."""
-        self.replies = dict.fromkeys(Turn, 0)
-        self.requests_stored = dict.fromkeys(Turn, 0)
+        self.replies = dict.fromkeys(CutEvent, 0)
+        self.requests_stored = dict.fromkeys(CutEvent, 0)
         """Those of them of which nothing had left."""
-        self.replies_stored = dict.fromkeys(Turn, 0)
+        self.replies_stored = dict.fromkeys(CutEvent, 0)
         self.requests_gain_ns = self.replies_gain_ns = 0
         """How much sooner all that were cut through began to leave than they were whole."""
         self.tell_no_gain = tell_no_gain
@@ -143,24 +152,24 @@ class CutLine:
         """A port was lost."""
         cutter = self._cutters.pop(port, None)
         if cutter is not None:
-            cutter.end(Turn.GONE, now_ns)
+            cutter.end(CutEvent.GONE, now_ns)
 
     def of(self, port: ControllerPort | None) -> "RequestCutter | None":
         """Return what follows the requests of a port; None: nothing does."""
         return None if port is None else self._cutters.get(port)
 
-    def note_gain(self, controller: str, what: str, lead: MeasuredLead) -> None:
+    def note_gain(self, controller: str, what: str, delay: MeasuredDelay) -> None:
         """Tell once where frames that are measured would gain nothing."""
-        if lead.no_gain is None or (controller, what) in self._told:
+        if delay.no_gain is None or (controller, what) in self._told:
             return
         self._told.add((controller, what))
-        begins_ms, whole_ms = (each / NS_PER_MS for each in lead.no_gain)
+        begins_ms, whole_ms = (each / NS_PER_MS for each in delay.no_gain)
         self.tell_no_gain(
-            f"{what} of {controller}: one of {lead.shape.length} bytes could begin to leave {begins_ms:.2f} "
+            f"{what} of {controller}: one of {delay.shape.length} bytes could begin to leave {begins_ms:.2f} "
             f"ms after its first bytes came, and is whole after {whole_ms:.2f} ms"
         )
 
-    def end_leaving(self, transaction: Transaction, why: Turn, now_ns: int) -> None:
+    def end_leaving(self, transaction: Transaction, why: CutEvent, now_ns: int) -> None:
         """Let no more of a request leave that is leaving."""
         cutter = self.of(transaction.port)
         assert cutter is not None
@@ -249,7 +258,7 @@ class RequestCutter:
         if is_fresh and silent_ns >= self._wire.silence_ns:
             if self._cut is not None and self._cut.is_on_the_way:
                 # Nobody looked for so long that the decoder gave the rest of it up before the guard rang.
-                self.end(Turn.STALLED, now_ns)
+                self.end(CutEvent.STALLED, now_ns)
             self._begin()
         cut = self._cut
         if cut is None:
@@ -267,7 +276,7 @@ class RequestCutter:
             self._now_ns = now_ns
             self._go_on(cut, cut.state, cut.tick(now_ns))
 
-    def end(self, why: Turn, now_ns: int) -> None:
+    def end(self, why: CutEvent, now_ns: int) -> None:
         """Let no more leave of the request that arrives; it takes the usual way, if all of it comes."""
         cut = self._cut
         if cut is not None:
@@ -281,25 +290,25 @@ class RequestCutter:
     def _begin(self) -> None:
         self._learn()
         cuts = self._cuts
-        judge = RequestJudge(self.port, cuts.units, self.heads, self._may_lead, cuts.line.commit)
+        judge = RequestJudge(self.port, cuts.units, self.heads, self._may_forward, cuts.line.commit)
         pace = Pace(cuts.wire.char_ns, self._stall_ns, guard_ns(cuts.wire.char_ns))
         self._cut = CutThrough(RequestArrival(), judge, pace, self._turned)
 
-    def _may_lead(self) -> bool:
-        return self._cuts.line.may_lead(self.port, self._now_ns)
+    def _may_forward(self) -> bool:
+        return self._cuts.line.may_forward(self.port, self._now_ns)
 
-    def _turned(self, turn: Turn) -> None:
+    def _turned(self, event: CutEvent) -> None:
         cut, cuts = self._cut, self._cuts
         assert cut is not None
-        if turn is Turn.OPENED:
-            self._transaction = cuts.line.lead(self.port, cut.expected, self._now_ns)
+        if event is CutEvent.OPENED:
+            self._transaction = cuts.line.begin(self.port, cut.expected, self._now_ns)
         elif not CUT_AFTER[cut.state]:
-            cuts.requests[turn] += 1
-            cuts.requests_stored[turn] += cut.state is Cut.STORED
+            cuts.requests[event] += 1
+            cuts.requests_stored[event] += cut.state is Cut.STORED
             if cut.state is Cut.WHOLE:
                 cuts.requests_gain_ns += self._now_ns - cut.began_ns
                 self.heads.pay(cut.expected, self._now_ns - cut.began_ns)
-            elif cut.state is Cut.SPOILT and turn in WASTED:
+            elif cut.state is Cut.SPOILT and event in WASTED:
                 self.heads.pay(cut.expected, -(cuts.silence_ns + len(cut.expected) * cuts.wire.char_ns))
 
     def _go_on(self, cut: CutThrough, was: Cut, out: bytes) -> bool:
@@ -308,7 +317,7 @@ class RequestCutter:
             return False
         cuts, transaction, is_whole = self._cuts, self._transaction, cut.state is Cut.WHOLE
         if transaction is not None and is_whole:
-            cuts.line.leave(transaction, cut.left[0], cut.left[1:-CRC_BYTES], out, self._now_ns)
+            cuts.line.forward_last(transaction, cut.left[0], cut.left[1:-CRC_BYTES], out, self._now_ns)
         elif transaction is not None and out:
             cuts.transactions.send(transaction, Step.PIECE, cut.left[0], b"", self._now_ns, piece=out)
         stamps = cuts.link.stamps
@@ -333,8 +342,8 @@ class RequestCutter:
         frame = cut.arrival.data
         shape = shape_of(self._cuts.units.path_of(frame[0], frame[1:-CRC_BYTES]), frame)
         if shape is not None:
-            lead = self.heads.measure(shape, cut.pieces, self.own_ns, cut.written_need_ns)
-            self._cuts.note_gain(self.port.name, "requests", lead)
+            delay = self.heads.measure(shape, cut.pieces, self.own_ns, cut.written_need_ns)
+            self._cuts.note_gain(self.port.name, "requests", delay)
             self.heads.came(beginning_of(frame))
 
 
@@ -387,7 +396,7 @@ class ReplyCutter:
             self._now_ns = now_ns
             self._go_on(cut, cut.state, cut.tick(now_ns))
 
-    def end(self, why: Turn, now_ns: int) -> None:
+    def end(self, why: CutEvent, now_ns: int) -> None:
         """Nobody waits for the reply any more, or it will not come."""
         cut = self._cut
         if cut is not None:
@@ -407,28 +416,28 @@ class ReplyCutter:
         cutter = self._cuts.of(transaction.port)
         if cutter is None or reply_shape_of(transaction) is None:
             return
-        self._judge = ReplyJudge(transaction, cutter.replies, self._may_lead)
+        self._judge = ReplyJudge(transaction, cutter.replies, self._may_forward)
         char_ns, stall_ns = cutter.wire.char_ns, self._cuts.wire.pause_ns + self._pauses.longest_ns
         pace = Pace(char_ns, stall_ns, guard_ns(char_ns))
         arrival = ReplyArrival(transaction.wire_unit_id, transaction.pdu)
         self._cut = CutThrough(arrival, self._judge, pace, self._turned)
 
-    def _may_lead(self) -> bool:
+    def _may_forward(self) -> bool:
         transaction = self._transaction
         assert transaction is not None
         port = transaction.port
-        return port is not None and not transaction.is_orphan and port.may_lead(self._now_ns)
+        return port is not None and not transaction.is_orphan and port.may_forward(self._now_ns)
 
-    def _turned(self, turn: Turn) -> None:
+    def _turned(self, event: CutEvent) -> None:
         cut, transaction = self._cut, self._transaction
         assert cut is not None
         if not CUT_AFTER[cut.state]:
             cuts = self._cuts
-            cuts.replies[turn] += 1
-            cuts.replies_stored[turn] += cut.state is Cut.STORED
+            cuts.replies[event] += 1
+            cuts.replies_stored[event] += cut.state is Cut.STORED
             if cut.state is Cut.WHOLE:
                 cuts.replies_gain_ns += self._now_ns - cut.began_ns
-        if cut.state is Cut.SPOILT and turn in WASTED and transaction is not None:
+        if cut.state is Cut.SPOILT and event in WASTED and transaction is not None:
             self._disappoint(transaction)
 
     def _go_on(self, cut: CutThrough, was: Cut, out: bytes) -> None:
@@ -441,9 +450,9 @@ class ReplyCutter:
             reply, tap = cut.left[1:-CRC_BYTES], self._cuts.tap
             if tap is not None:
                 tap.answered_early(port, transaction.transaction_id, transaction.unit_id, reply)
-            port.leave(transaction.transaction_id, transaction.unit_id, reply, out)
+            port.forward_last(transaction.transaction_id, transaction.unit_id, reply, out)
         elif out:
-            port.lead(out)
+            port.forward(out)
         if out:
             cut.written(len(out), port.stamps.ready_ns, port.stamps.sent_ns)
         if not CUT_AFTER[cut.state]:
@@ -466,8 +475,8 @@ class ReplyCutter:
         self._pauses.note(cut.pieces)
         cutter, shape = self._cuts.of(transaction.port), reply_shape_of(transaction)
         if cutter is not None and shape is not None:
-            lead = cutter.replies.measure(shape, cut.pieces, self.own_ns, cut.written_need_ns)
-            self._cuts.note_gain(cutter.port.name, "replies", lead)
+            delay = cutter.replies.measure(shape, cut.pieces, self.own_ns, cut.written_need_ns)
+            self._cuts.note_gain(cutter.port.name, "replies", delay)
 
 
 def _sent_pdu(transaction: Transaction) -> bytes:

@@ -4,7 +4,7 @@ One :class:`CutThrough` is one frame on its way through the gateway, a request o
 of :class:`Cut`, and goes from one to the next only as :data:`CUT_AFTER` says. The rules, all of them:
 
 1. *Begin.* Bytes are handed in as they come. None leaves before the judge knows by them that the frame is one
-   that may be cut through (``opening``), and not before the lead is over: from then on the transmitter is
+   that may be cut through (``opening``), and not before the delay is over: from then on the transmitter is
    never empty before the frame has ended (``delay``).
 2. *Head.* Bytes of the head leave as they come. When it is whole it has to be what was expected (``fits``).
 3. *Data.* No byte of a position, and none behind it, leaves before the position is whole and judged
@@ -48,7 +48,7 @@ class Cut(Enum):
 
     BEGUN = "begun"
     """Bytes of it have come, and none has left."""
-    LED = "led"
+    HEAD = "head"
     """Bytes of its head have left. It is not known yet whether it is what was expected."""
     LEAVING = "leaving"
     """Its head is what was expected, and its bytes leave as they may."""
@@ -62,13 +62,13 @@ class Cut(Enum):
     """The wire on which it left was lost: it ends where that ended."""
 
 
-class Turn(Enum):
+class CutEvent(Enum):
     """What happens to a frame on its way through."""
 
     __hash__ = object.__hash__
 
     OPENED = "opened"
-    """Its lead is over."""
+    """Its delay is over."""
     FITTED = "fitted"
     """Its head is whole, and is what was expected."""
     JUDGED = "judged"
@@ -76,7 +76,7 @@ class Turn(Enum):
     COMMITTED = "committed"
     """All of it came, its check sum was good, and the judge agreed to what has left."""
     KEPT = "kept"
-    """It is not one that is cut through, or it was whole before its lead was over."""
+    """It is not one that is cut through, or it was whole before its delay was over."""
     UNFIT = "unfit"
     """Its head is another one than was expected."""
     REFUSED = "refused"
@@ -99,35 +99,35 @@ class Turn(Enum):
     """The wire on which it leaves was lost."""
 
 
-def _spoils(kept: Cut) -> dict[Turn, Cut]:
+def _spoils(kept: Cut) -> dict[CutEvent, Cut]:
     """Everything that ends a frame before it was whole."""
     reasons = (
-        Turn.UNFIT,
-        Turn.REFUSED,
-        Turn.CHANGED,
-        Turn.BAD,
-        Turn.STALLED,
-        Turn.OVERTAKEN,
-        Turn.ANEW,
-        Turn.MET,
-        Turn.GONE,
+        CutEvent.UNFIT,
+        CutEvent.REFUSED,
+        CutEvent.CHANGED,
+        CutEvent.BAD,
+        CutEvent.STALLED,
+        CutEvent.OVERTAKEN,
+        CutEvent.ANEW,
+        CutEvent.MET,
+        CutEvent.GONE,
     )
     return dict.fromkeys(reasons, kept)
 
 
-CUT_AFTER: Final[Mapping[Cut, Mapping[Turn, Cut]]] = {
+CUT_AFTER: Final[Mapping[Cut, Mapping[CutEvent, Cut]]] = {
     Cut.BEGUN: {
         **_spoils(Cut.STORED),
-        Turn.OPENED: Cut.LED,
-        Turn.KEPT: Cut.STORED,
-        Turn.LOST: Cut.STORED,
+        CutEvent.OPENED: Cut.HEAD,
+        CutEvent.KEPT: Cut.STORED,
+        CutEvent.LOST: Cut.STORED,
     },
-    Cut.LED: {**_spoils(Cut.SPOILT), Turn.FITTED: Cut.LEAVING, Turn.LOST: Cut.BROKEN},
+    Cut.HEAD: {**_spoils(Cut.SPOILT), CutEvent.FITTED: Cut.LEAVING, CutEvent.LOST: Cut.BROKEN},
     Cut.LEAVING: {
         **_spoils(Cut.SPOILT),
-        Turn.JUDGED: Cut.LEAVING,
-        Turn.COMMITTED: Cut.WHOLE,
-        Turn.LOST: Cut.BROKEN,
+        CutEvent.JUDGED: Cut.LEAVING,
+        CutEvent.COMMITTED: Cut.WHOLE,
+        CutEvent.LOST: Cut.BROKEN,
     },
     Cut.STORED: {},
     Cut.WHOLE: {},
@@ -145,7 +145,7 @@ class Pace(NamedTuple):
     stall_ns: int
     """After so long without a byte no more of a frame comes: 1.5 characters, and what pieces are apart."""
     guard_ns: int
-    """So long before the transmitter is empty a frame is filled up: less than the margin of its lead."""
+    """So long before the transmitter is empty a frame is filled up: less than the margin of its delay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,8 +153,8 @@ class Opening:
     """A frame that may be cut through: what it is expected to be."""
 
     shape: Shape
-    lead_ns: int
-    """After its first piece came; see ``MeasuredLead``."""
+    delay_ns: int
+    """After its first piece came; see ``MeasuredDelay``."""
     filler: bytes
     """The last one that was acknowledged, as it left, without its check sum."""
 
@@ -166,7 +166,7 @@ class Judge:
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """Return what a frame is expected to be that begins so; None: it may not leave, as far as is known.
 
-        Asked anew with each piece that comes and when its lead is over, until its first byte leaves or it is
+        Asked anew with each piece that comes and when its delay is over, until its first byte leaves or it is
         whole.
         """
         raise NotImplementedError
@@ -238,7 +238,7 @@ class CutThrough:
         arrival: follows its bytes.
         judge: decides what may leave.
         pace: how fast it leaves, and what is too slow.
-        on_turn: hears of each step, and why.
+        on_event: hears of each step, and why.
     """
 
     __slots__ = (
@@ -246,7 +246,7 @@ class CutThrough:
         "_last_came_ns",
         "_left_ns",
         "_off_ns",
-        "_on_turn",
+        "_on_event",
         "_opening",
         "_out",
         "_pace",
@@ -267,7 +267,7 @@ class CutThrough:
         arrival: RequestArrival,
         judge: Judge,
         pace: Pace,
-        on_turn: Callable[[Turn], None] = lambda _turn: None,
+        on_event: Callable[[CutEvent], None] = lambda _event: None,
     ) -> None:
         self.arrival = arrival
         self.state = Cut.BEGUN
@@ -286,7 +286,7 @@ class CutThrough:
         """How it came."""
         self._judge = judge
         self._pace = pace
-        self._on_turn = on_turn
+        self._on_event = on_event
         self._opening: Opening | None = None
         self._out = b""
         """What may leave in the place of what came, as far as that is known."""
@@ -303,7 +303,7 @@ class CutThrough:
     @property
     def is_on_the_way(self) -> bool:
         """Whether bytes of it have left, and others have to follow."""
-        return self.state is Cut.LED or self.state is Cut.LEAVING
+        return self.state is Cut.HEAD or self.state is Cut.LEAVING
 
     @property
     def is_over(self) -> bool:
@@ -326,18 +326,18 @@ class CutThrough:
     @property
     def _opens_ns(self) -> int:
         assert self._opening is not None
-        return self.pieces[0].came_ns + self._opening.lead_ns
+        return self.pieces[0].came_ns + self._opening.delay_ns
 
     def feed(self, data: bytes, now_ns: int) -> bytes:
         """Take bytes that came, of this frame and behind it; return those that leave now."""
         if self._stands_still(now_ns):
-            self._go_on(Turn.STALLED)
+            self._go_on(CutEvent.STALLED)
         due = self.tick(now_ns)
         has_more = self._take(data, now_ns) < len(data)
         if self.is_over:
             return due
         if has_more and self.is_on_the_way:
-            return due + self.end(Turn.ANEW, now_ns)
+            return due + self.end(CutEvent.ANEW, now_ns)
         return due + self._leave(now_ns)
 
     def tick(self, now_ns: int) -> bytes:
@@ -346,10 +346,10 @@ class CutThrough:
         if deadline_ns is None or now_ns < deadline_ns:
             return b""
         if self.is_on_the_way:
-            return self.end(Turn.STALLED, now_ns)
+            return self.end(CutEvent.STALLED, now_ns)
         return self._leave(now_ns)
 
-    def end(self, why: Turn, now_ns: int) -> bytes:
+    def end(self, why: CutEvent, now_ns: int) -> bytes:
         """Let no more of it leave; return what fills it up, where bytes of it have left already."""
         if self.is_over:
             return b""
@@ -380,7 +380,7 @@ class CutThrough:
     # --- steps -----------------------------------------------------------------------------------------
 
     def _stands_still(self, now_ns: int) -> bool:
-        """Whether nothing of it has left and its bytes come too late: its lead counts from the first one."""
+        """Whether nothing of it has left and its bytes come too late: its delay counts from the first one."""
         has_begun = self.state is Cut.BEGUN and bool(self.pieces)
         return has_begun and now_ns - self._last_came_ns > self._pace.stall_ns
 
@@ -396,18 +396,18 @@ class CutThrough:
         if self.state is Cut.BEGUN and not self._opens(now_ns):
             return b""
         known = self.arrival.known
-        if self.state is Cut.LED and known is not Known.BEGUN:
+        if self.state is Cut.HEAD and known is not Known.BEGUN:
             if not self._is_expected():
-                return self.end(Turn.UNFIT, now_ns)
-            self._go_on(Turn.FITTED)
+                return self.end(CutEvent.UNFIT, now_ns)
+            self._go_on(CutEvent.FITTED)
         if self.state is Cut.LEAVING:
             if known is Known.ODD:
-                return self.end(Turn.UNFIT, now_ns)
+                return self.end(CutEvent.UNFIT, now_ns)
             if not self._judge_positions(now_ns):
-                return self.end(Turn.REFUSED, now_ns)
+                return self.end(CutEvent.REFUSED, now_ns)
             self._tell_judged()
             if known is Known.BAD:
-                return self.end(Turn.BAD, now_ns)
+                return self.end(CutEvent.BAD, now_ns)
             if known is Known.GOOD:
                 return self._commit(now_ns)
         return self._write(self._piece(), now_ns)
@@ -415,21 +415,21 @@ class CutThrough:
     def _opens(self, now_ns: int) -> bool:
         """See whether its bytes say by now that it may be cut through; return whether it begins to leave."""
         if self.arrival.is_over:
-            self._go_on(Turn.KEPT)
+            self._go_on(CutEvent.KEPT)
             return False
         if self._stands_still(now_ns):
-            self._go_on(Turn.STALLED)  # it would have to be spoilt as soon as it had begun
+            self._go_on(CutEvent.STALLED)  # it would have to be spoilt as soon as it had begun
             return False
-        # Each time anew: what it was expected to be before its lead was over may be another thing now.
+        # Each time anew: what it was expected to be before its delay was over may be another thing now.
         self._opening = self._judge.opening(self.arrival.data, now_ns)
         if self._opening is None or now_ns < self._opens_ns or not self._piece():
             return False
         # What is known by now to be another one, or to be refused, need not be spoilt: nothing has left.
         is_head_known = self.arrival.known is not Known.BEGUN
         if is_head_known and not (self._is_expected() and self._judge_positions(now_ns)):
-            self._go_on(Turn.KEPT)
+            self._go_on(CutEvent.KEPT)
             return False
-        self._go_on(Turn.OPENED)
+        self._go_on(CutEvent.OPENED)
         return True
 
     def _is_expected(self) -> bool:
@@ -455,7 +455,7 @@ class CutThrough:
     def _tell_judged(self) -> None:
         while self._told < self._rendered:
             self._told += 1
-            self._go_on(Turn.JUDGED)
+            self._go_on(CutEvent.JUDGED)
 
     def _piece(self) -> bytes:
         """Return what may leave now of a frame of which not all has come."""
@@ -474,8 +474,8 @@ class CutThrough:
         came = self.arrival.data[:body]
         out = self._out + came[len(self._out) :]
         if not self._judge.commits(came, out, now_ns):
-            return self.end(Turn.CHANGED, now_ns)
-        self._go_on(Turn.COMMITTED)
+            return self.end(CutEvent.CHANGED, now_ns)
+        self._go_on(CutEvent.COMMITTED)
         whole = out + residue_after(out).to_bytes(CRC_BYTES, "little")
         return self._write(whole[len(self.left) :], now_ns)
 
@@ -490,8 +490,8 @@ class CutThrough:
             self._left_ns = now_ns
         return data
 
-    def _go_on(self, turn: Turn) -> None:
+    def _go_on(self, event: CutEvent) -> None:
         after = CUT_AFTER[self.state]
-        assert turn in after, f"{turn.value} in state {self.state.value}"
-        self.state = after[turn]
-        self._on_turn(turn)
+        assert event in after, f"{event.value} in state {self.state.value}"
+        self.state = after[event]
+        self._on_event(event)

@@ -15,7 +15,7 @@ from typing import Final
 from gateway.exchange.cut_through.delay import (
     COUNT_KNOWN,
     FUNCTION_KNOWN,
-    MeasuredLead,
+    MeasuredDelay,
     Piece,
     Shape,
     acknowledgement_shape,
@@ -54,17 +54,17 @@ class Replies:
     Args:
         in_ns: what a character takes on the wire of the drives.
         out_ns: and on the controller's.
-        margin_ns: see ``MeasuredLead``.
+        margin_ns: see ``MeasuredDelay``.
     """
 
-    __slots__ = ("_in_ns", "_leads", "_margin_ns", "_out_ns", "_passed", "_stored")
+    __slots__ = ("_delays", "_in_ns", "_margin_ns", "_out_ns", "_passed", "_stored")
 
     def __init__(self, in_ns: int, out_ns: int, margin_ns: int) -> None:
         self._in_ns = in_ns
         self._out_ns = out_ns
         self._margin_ns = margin_ns
         self._passed: dict[tuple[int, bytes], bytes] = {}
-        self._leads: dict[Shape, MeasuredLead] = {}
+        self._delays: dict[Shape, MeasuredDelay] = {}
         self._stored: dict[Shape, int] = {}
         """How many more of a shape are stored."""
 
@@ -77,16 +77,16 @@ class Replies:
 
     def measure(
         self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0
-    ) -> MeasuredLead:
+    ) -> MeasuredDelay:
         """Learn from how a reply came, whatever became of it; return what is known now."""
-        lead = self._leads.get(shape)
-        if lead is None:
-            lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
-        lead.note(pieces, own_ns, written_need_ns)
+        delay = self._delays.get(shape)
+        if delay is None:
+            delay = self._delays[shape] = MeasuredDelay(shape, self._in_ns, self._out_ns, self._margin_ns)
+        delay.note(pieces, own_ns, written_need_ns)
         left = self._stored.pop(shape, 0) - 1
         if left > 0:
             self._stored[shape] = left
-        return lead
+        return delay
 
     def rest(self, shape: Shape) -> None:
         """One of a shape was spoilt: the next ones are stored."""
@@ -95,8 +95,8 @@ class Replies:
     def opening(self, transaction: Transaction) -> Opening | None:
         """Return what the reply to what is on the wire is expected to be; None: it is stored."""
         shape = reply_shape_of(transaction)
-        lead = None if shape is None else self._leads.get(shape)
-        if shape is None or lead is None or lead.lead_ns is None or shape in self._stored:
+        delay = None if shape is None else self._delays.get(shape)
+        if shape is None or delay is None or delay.delay_ns is None or shape in self._stored:
             return None
         path = transaction.path
         if isinstance(path, WritePath):
@@ -104,7 +104,7 @@ class Replies:
         else:
             expected = self._passed.get((transaction.unit_id, transaction.pdu), b"")
         filler = bytes((transaction.unit_id,)) + expected
-        return Opening(shape, lead.lead_ns, filler) if len(filler) == shape.length - 2 else None
+        return Opening(shape, delay.delay_ns, filler) if len(filler) == shape.length - 2 else None
 
 
 class ReplyJudge(Judge):
@@ -113,15 +113,15 @@ class ReplyJudge(Judge):
     Args:
         transaction: what is on the wire.
         replies: what is known of the replies of its port.
-        may_lead: whether the controller waits for it still, and its wire is free.
+        may_forward: whether the controller waits for it still, and its wire is free.
     """
 
-    __slots__ = ("_may_lead", "_replies", "_transaction", "_turned", "turned")
+    __slots__ = ("_may_forward", "_replies", "_transaction", "_turned", "turned")
 
-    def __init__(self, transaction: Transaction, replies: Replies, may_lead: Callable[[], bool]) -> None:
+    def __init__(self, transaction: Transaction, replies: Replies, may_forward: Callable[[], bool]) -> None:
         self._transaction = transaction
         self._replies = replies
-        self._may_lead = may_lead
+        self._may_forward = may_forward
         self._turned = 0
         """Positions that were turned back."""
         self.turned: bytes | None = None
@@ -131,7 +131,7 @@ class ReplyJudge(Judge):
         """See ``Judge``."""
         path = self._transaction.path
         known_by = FUNCTION_KNOWN if isinstance(path, WritePath) else COUNT_KNOWN
-        if len(begun) < known_by or not self._may_lead():
+        if len(begun) < known_by or not self._may_forward():
             return None
         if isinstance(path, ReadPath) and not path.is_sure:
             return None

@@ -17,7 +17,7 @@ from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through.delay import (
     ADDRESS_KNOWN,
     FUNCTION_KNOWN,
-    MeasuredLead,
+    MeasuredDelay,
     Piece,
     Shape,
     read_shape,
@@ -85,10 +85,10 @@ class Heads:
     Args:
         in_ns: what a character takes on the controller's wire.
         out_ns: and on that of the drives.
-        margin_ns: see ``MeasuredLead``.
+        margin_ns: see ``MeasuredDelay``.
     """
 
-    __slots__ = ("_expected", "_gains", "_in_ns", "_leads", "_margin_ns", "_out_ns", "_stored")
+    __slots__ = ("_delays", "_expected", "_gains", "_in_ns", "_margin_ns", "_out_ns", "_stored")
 
     def __init__(self, in_ns: int, out_ns: int, margin_ns: int) -> None:
         self._margin_ns = margin_ns
@@ -96,7 +96,7 @@ class Heads:
         self._out_ns = out_ns
         self._expected: dict[bytes, Expected | None] = {}
         """None: of what begins so nobody knows how it goes on."""
-        self._leads: dict[Shape, MeasuredLead] = {}
+        self._delays: dict[Shape, MeasuredDelay] = {}
         self._gains: dict[bytes, deque[int]] = {}
         """Of the last requests that began so: how much sooner each was through, less than 0: later."""
         self._stored: dict[bytes, int] = {}
@@ -125,13 +125,13 @@ class Heads:
 
     def measure(
         self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0
-    ) -> MeasuredLead:
+    ) -> MeasuredDelay:
         """Learn from how a request came, whatever became of it; return what is known now."""
-        lead = self._leads.get(shape)
-        if lead is None:
-            lead = self._leads[shape] = MeasuredLead(shape, self._in_ns, self._out_ns, self._margin_ns)
-        lead.note(pieces, own_ns, written_need_ns)
-        return lead
+        delay = self._delays.get(shape)
+        if delay is None:
+            delay = self._delays[shape] = MeasuredDelay(shape, self._in_ns, self._out_ns, self._margin_ns)
+        delay.note(pieces, own_ns, written_need_ns)
+        return delay
 
     def came(self, frame: bytes) -> None:
         """A request came whole, whatever became of it."""
@@ -160,10 +160,10 @@ class Heads:
         expected = self._expected.get(beginning)
         if expected is None or beginning in self._stored:
             return None
-        lead = self._leads.get(expected.shape)
-        if lead is None or lead.lead_ns is None:
+        delay = self._delays.get(expected.shape)
+        if delay is None or delay.delay_ns is None:
             return None
-        return Opening(expected.shape, lead.lead_ns, expected.sent)
+        return Opening(expected.shape, delay.delay_ns, expected.sent)
 
 
 class RequestJudge(Judge):
@@ -173,25 +173,25 @@ class RequestJudge(Judge):
         port: of its controller.
         units: the register maps of the line.
         heads: what is known of the port's requests.
-        may_lead: whether the line is free, at rest and owes nothing, and the port may ask for anything.
+        may_forward: whether the line is free, at rest and owes nothing, and the port may ask for anything.
         leaves: takes note that the request leaves, on its fast path, with the target that it carries; whether
             it may.
     """
 
-    __slots__ = ("_heads", "_judged_ns", "_leaves", "_may_lead", "_port", "_target", "_units", "path")
+    __slots__ = ("_heads", "_judged_ns", "_leaves", "_may_forward", "_port", "_target", "_units", "path")
 
     def __init__(
         self,
         port: ControllerPort,
         units: Units,
         heads: Heads,
-        may_lead: Callable[[], bool],
+        may_forward: Callable[[], bool],
         leaves: Callable[[FastPath, bytes, SteadyTarget | None, int], bytes | None],
     ) -> None:
         self._port = port
         self._units = units
         self._heads = heads
-        self._may_lead = may_lead
+        self._may_forward = may_forward
         self._leaves = leaves
         self._target: SteadyTarget | None = None
         self._judged_ns = 0
@@ -199,7 +199,7 @@ class RequestJudge(Judge):
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """See ``Judge``. A target that could not pass whatever its words are is stored, not spoilt."""
-        opening = self._heads.opening(begun) if self._may_lead() else None
+        opening = self._heads.opening(begun) if self._may_forward() else None
         if opening is None or begun[1] != WRITE:
             return opening
         path = self._units.path_of(begun[0], opening.filler[1:])
