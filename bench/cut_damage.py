@@ -1,4 +1,4 @@
-"""Damaged frames of every kind against the cutter alone, and what three kinds of drives make of what leaves.
+"""Damaged frames of every kind against cut-through alone, and what three kinds of drives make of them.
 
     python -m bench.cut_damage --count 1000000 --baudrate 38400
 

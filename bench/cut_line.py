@@ -1,6 +1,6 @@
 """A line between two serial wires in simulated time: a controller, the gateway's exchange, a drive.
 
-Exchange, decoders and cutters are the real ones; wires, adapters and the drive's ear are the simulator's.
+Exchange, decoders and forwarders are the real ones; wires, adapters and the drive's ear are the simulator's.
 Time is a number, so that a million exchanges need no machine with a million exchanges' patience.
 
     python -m bench.cut_line --baudrate 9600 --count 10000 --jitter 0.1
@@ -18,7 +18,7 @@ from typing import Final
 
 from bench.hot_path import COMMAND, plan_of_x
 from gateway.exchange.cut_through.delay import CRC_BYTES
-from gateway.exchange.cut_through.forward import RequestCutter, Wire
+from gateway.exchange.cut_through.forward import Forwarder, Wire
 from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan, LineTiming
@@ -199,9 +199,9 @@ class SimulatedLine:
             cut_through=Wire(char_ns[1], silences[1]) if way.cuts else None,
         )
         self.line.link_up(self.now_ns)
-        cuts = self.line.cuts
-        self.cutter: RequestCutter | None = (
-            None if cuts is None else cuts.follow(self.port, Wire(char_ns[0], silences[0]))
+        forwarding = self.line.forwarding
+        self.forwarder: Forwarder | None = (
+            None if forwarding is None else forwarding.follow(self.port, Wire(char_ns[0], silences[0]))
         )
         self._told: list[int] = []
         """When each byte of the reply was there."""
@@ -238,15 +238,15 @@ class SimulatedLine:
             pass
 
     def _gateway_ns(self) -> int | None:
-        cuts = self.line.cuts
+        forwarding = self.line.forwarding
         due = (
             self.requests.deadline_ns,
             self.replies.deadline_ns,
             self.line.deadline_ns,
             self.port.sender.deadline_ns,
             self.link.sender.deadline_ns,
-            None if self.cutter is None else self.cutter.deadline_ns,
-            None if cuts is None else cuts.reply.deadline_ns,
+            None if self.forwarder is None else self.forwarder.deadline_ns,
+            None if forwarding is None else forwarding.drives.deadline_ns,
         )
         first = min((each for each in due if each is not None), default=None)
         if first is None:
@@ -289,11 +289,11 @@ class SimulatedLine:
 
     def _tick(self, now_ns: int) -> None:
         self._planned = None
-        if self.cutter is not None:
-            self.cutter.tick(now_ns)
+        if self.forwarder is not None:
+            self.forwarder.tick(now_ns)
         self._ask(self.requests.on_silence(now_ns))
-        if self.line.cuts is not None:
-            self.line.cuts.reply.tick(now_ns)
+        if self.line.forwarding is not None:
+            self.line.forwarding.drives.tick(now_ns)
         for unit_id, pdu in self.replies.on_silence(now_ns):
             self.line.reply(unit_id, pdu, now_ns)
         deadline_ns = self.line.deadline_ns
@@ -313,8 +313,8 @@ class SimulatedLine:
         sender = self.port.sender
         sender.quiet_ns = max(sender.quiet_ns, now_ns)
         has_left = False
-        if self.cutter is not None:
-            has_left = self.cutter.feed(data, now_ns, is_fresh=self.requests.is_between_frames)
+        if self.forwarder is not None:
+            has_left = self.forwarder.feed(data, now_ns, is_fresh=self.requests.is_between_frames)
         self._ask(self.requests.feed(data, now_ns)[has_left:])
 
     def _hear_replies(self, data: bytes) -> None:
@@ -323,8 +323,8 @@ class SimulatedLine:
         now_ns, decoder = self.now_ns, self.replies
         sender = self.link.sender
         sender.quiet_ns = max(sender.quiet_ns, now_ns)
-        if self.line.cuts is not None:
-            self.line.cuts.reply.feed(data, now_ns, is_fresh=decoder.is_at_reply)
+        if self.line.forwarding is not None:
+            self.line.forwarding.drives.feed(data, now_ns, is_fresh=decoder.is_at_reply)
         counters = decoder.counters
         before = counters.stray_bytes + counters.stray_frames + counters.foreign
         replies = decoder.feed(data, now_ns)
@@ -412,7 +412,7 @@ def run(way: Way, count: int, damage: float = 0.0) -> tuple[Found, SimulatedLine
             found.unanswered += 1
         else:
             kept.append(took_ns)
-    found.torn = 0 if line.line.cuts is None else line.line.cuts.torn
+    found.torn = 0 if line.line.forwarding is None else line.line.forwarding.underruns
     found.broken = line.ear.frames_broken
     return found, line
 
@@ -466,15 +466,15 @@ def main() -> None:
         given.seed,
     )
     found, line = run(way, given.count, given.damage)
-    cuts = line.line.cuts
+    forwarding = line.line.forwarding
     said = {
         "added": [round(share, 3) for share in shares(way, found)],
         **{
             name: getattr(found, name)
             for name in ("unanswered", "damaged", "torn", "foreign", "forged", "broken")
         },
-        "requests": {} if cuts is None else _said(cuts.requests),
-        "replies": {} if cuts is None else _said(cuts.replies),
+        "requests": {} if forwarding is None else _said(forwarding.requests.ended),
+        "replies": {} if forwarding is None else _said(forwarding.replies.ended),
         "events": line.events,
     }
     sys.stdout.write(json.dumps(said) + "\n")

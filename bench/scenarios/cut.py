@@ -37,7 +37,7 @@ def run(bench: Bench) -> Section:
     """Measure all ways, with and without; then jitter, then damage."""
     section = Section.of(
         TITLE,
-        "Real exchange, decoders and cutters between simulated wires of 11 bits for a character, with a "
+        "Real exchange, decoders and forwarders between simulated wires of 11 bits for a character, with a "
         "drive that knows the end of a frame by silence. A controller writes a setpoint (13 + 8 characters) "
         "and reads position and status (8 + 11) in turns. What is added is the median exchange less the "
         "direct one, divided by the characters of one direct round trip. Time is simulated: the gateway's "

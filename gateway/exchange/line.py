@@ -36,7 +36,7 @@ from gateway.exchange.axis.registers import Loss
 from gateway.exchange.commands import Command, EndDryRun, SetLimits
 from gateway.exchange.control import ControlError, carry_out
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.cut_through.forward import CutLine, ForwardingLine, Wire
+from gateway.exchange.cut_through.forward import Forwarding, ForwardingLine, Wire
 from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.cut_through.requests import leave_on
 from gateway.exchange.deadlines import Deadlines
@@ -172,14 +172,14 @@ class LineExchange:
         )
         self.meter = LineMeter(self.axes, link, on_event, what_ran)
         self._deadlines = Deadlines(self.axes, self._units, self.counters, on_event)
-        self.cuts: CutLine | None = None
+        self.forwarding: Forwarding | None = None
         """Of a line whose frames may leave while they arrive; ``cut_through`` is the wire of its drives."""
         if cut_through is not None:
             gap_ns = int(timing.gap_ms * NS_PER_MS)
             line = ForwardingLine(
                 self._may_forward, self._begin, self._commit, self._leave_whole, self._spoilt
             )
-            self.cuts = CutLine(
+            self.forwarding = Forwarding(
                 line,
                 self._transactions,
                 link,
@@ -396,8 +396,8 @@ class LineExchange:
         """
         if self._tap is not None:
             self._tap.gone(port, now_ns, is_broken=is_broken)
-        if self.cuts is not None:
-            self.cuts.gone(port, now_ns)
+        if self.forwarding is not None:
+            self.forwarding.gone(port, now_ns)
             if self._transactions.current is not None and self._transactions.current.port is port:
                 self._end_reply(CutEvent.LOST, now_ns)
         self._give_up(port, "its connection closed", now_ns)
@@ -480,13 +480,13 @@ class LineExchange:
             self._renewal.hear_answer(unit_id)
             self._renewal.hear()
             self.silent_units.hear(unit_id, now_ns)
-        path, cuts = transaction.path, self.cuts
+        path, forwarding = transaction.path, self.forwarding
         if path is None:
             turned = None
-        elif cuts is None:
+        elif forwarding is None:
             turned = path.answered(transaction, pdu, now_ns)
         else:
-            turned = cuts.answered(path, transaction, pdu, now_ns)
+            turned = forwarding.answered(path, transaction, pdu, now_ns)
         if path is None or turned is None:
             axes = self._take_reply(transaction, pdu, now_ns)
         else:
@@ -500,8 +500,8 @@ class LineExchange:
             self._transactions.current = None
             assert transaction.port is not None
             self.meter.note(transaction, transaction.port, pdu, now_ns)
-        if cuts is not None:
-            cuts.note(transaction, pdu, turned, now_ns)
+        if forwarding is not None:
+            forwarding.note(transaction, pdu, turned, now_ns)
         if self._turns.gaps.is_watching:
             self._turns.gaps.ended(transaction, now_ns)
         if axes:
@@ -1062,8 +1062,8 @@ class LineExchange:
         if self._renewal.holds and transaction.is_stop:
             self._turns.note_early(transaction)
         is_broadcast = unit_id == BROADCAST_UNIT_ID and self._link.is_serial
-        if self.cuts is not None and not is_broadcast:
-            self.cuts.reply.expect(transaction)
+        if self.forwarding is not None and not is_broadcast:
+            self.forwarding.expect(transaction)
         step = FRAME if port is None or transaction.added is None else ADDED_FRAME
         has_left = self._transactions.send(transaction, step, unit_id, pdu, now_ns, patience_ns=patience_ns)
         if is_broadcast and has_left:
@@ -1115,8 +1115,8 @@ class LineExchange:
         )
         if transaction.target is not None:
             path.left(transaction)
-        if self.cuts is not None:
-            self.cuts.reply.expect(transaction)
+        if self.forwarding is not None:
+            self.forwarding.expect(transaction)
 
     def _spoilt(self, until_ns: int, now_ns: int) -> None:
         """See ``ForwardingLine``. If all of it comes it is a request as any other, behind the silence."""
@@ -1129,13 +1129,13 @@ class LineExchange:
 
     def _end_reply(self, why: CutEvent, now_ns: int) -> None:
         """Let no more leave of a reply that is leaving."""
-        if self.cuts is not None:
-            self.cuts.reply.end(why, now_ns)
+        if self.forwarding is not None:
+            self.forwarding.end_reply(why, now_ns)
 
     def _spoil(self, transaction: Transaction, why: CutEvent, now_ns: int) -> None:
         """Let no more leave of a request that is leaving."""
-        assert self.cuts is not None
-        self.cuts.end_leaving(transaction, why, now_ns)
+        assert self.forwarding is not None
+        self.forwarding.end_request(transaction, why, now_ns)
 
     def _end_leaving(self, transaction: Transaction, now_ns: int) -> None:
         """End what never left whole: nothing of it is lost that its controller has not still to send."""

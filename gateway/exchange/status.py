@@ -11,7 +11,6 @@ from gateway.counts import Counts
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.beam import BeamState
 from gateway.exchange.axis.motion import Actual
-from gateway.exchange.cut_status import cut_status
 from gateway.exchange.line import LineExchange
 from gateway.times import NS_PER_S
 
@@ -41,7 +40,7 @@ def line_status(line: LineExchange, now_ns: int) -> dict[str, Any]:
         "oversized": counters.oversized,
         "internal_faults": counters.internal_faults,
         "unit_ids": line.unit_ids_status(now_ns),
-        **({} if line.cuts is None else {"cut_through": cut_status(line.cuts)}),
+        **({} if line.forwarding is None else {"cut_through": line.forwarding.status()}),
     }
 
 

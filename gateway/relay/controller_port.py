@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.clock import boot_ns
-from gateway.exchange.cut_through.forward import RequestCutter, Wire
+from gateway.exchange.cut_through.forward import Forwarder, Wire
 from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
@@ -168,8 +168,8 @@ class RtuControllerPort(ControllerPort):
         self._decoder = decoder
         self._gap_ns = gap_ns
         self._wire = wire
-        self._cutter: RequestCutter | None = None
-        self._cut_timer: Timer | None = None
+        self._forwarder: Forwarder | None = None
+        self._forward_timer: Timer | None = None
         self._channel: Channel | None = None
         self._timer: Timer | None = None
         self._sender: PacedSender | None = None
@@ -200,10 +200,10 @@ class RtuControllerPort(ControllerPort):
         self._sender = PacedSender(0, self._gap_ns)
         self.stamps = self._sender.stamps
         self._sender.opened(channel, now_ns)
-        if self._wire is not None and self._exchange.cuts is not None:
-            self._cutter = self._exchange.cuts.follow(self, self._wire)
-        if self._cutter is not None:
-            self._cut_timer = Timer(self._cut_due)
+        if self._wire is not None and self._exchange.forwarding is not None:
+            self._forwarder = self._exchange.forwarding.follow(self, self._wire)
+        if self._forwarder is not None:
+            self._forward_timer = Timer(self._forward_due)
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -213,7 +213,7 @@ class RtuControllerPort(ControllerPort):
             data = self._without_echo(self._echo, data, now_ns)
             if not data:
                 return
-        has_left = self._cutter is not None and self._cut(self._cutter, data, now_ns)
+        has_left = self._forwarder is not None and self._forward(self._forwarder, data, now_ns)
         decoder = self._decoder
         pdu = decoder.one(data, now_ns)
         requests = NO_FRAMES if len(pdu) else decoder.feed(data, now_ns)
@@ -244,9 +244,9 @@ class RtuControllerPort(ControllerPort):
         if self._timer is not None and self._sender is not None:
             self._timer.close()
             self._sender.close()
-        if self._cut_timer is not None:
-            self._cut_timer.close()
-        self._timer = self._cut_timer = self._sender = self._channel = self._cutter = None
+        if self._forward_timer is not None:
+            self._forward_timer.close()
+        self._timer = self._forward_timer = self._sender = self._channel = self._forwarder = None
         self._exchange.controller_gone(self, now_ns, is_broken=reason not in IN_ORDER)
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
@@ -312,23 +312,23 @@ class RtuControllerPort(ControllerPort):
             self._on_echo()
         return data
 
-    def _cut(self, cutter: RequestCutter, data: bytes, now_ns: int) -> bool:
+    def _forward(self, forwarder: Forwarder, data: bytes, now_ns: int) -> bool:
         """Let bytes leave that may; return whether they ended a request that has left with them."""
         if self._beats.stood_still(now_ns, self.patience_ns):
-            cutter.end(CutEvent.STALLED, now_ns)
+            forwarder.end(CutEvent.STALLED, now_ns)
             return False
-        has_left = cutter.feed(data, now_ns, is_fresh=self._decoder.is_between_frames)
-        self._arm_cut(cutter)
+        has_left = forwarder.feed(data, now_ns, is_fresh=self._decoder.is_between_frames)
+        self._arm_forwarding(forwarder)
         return has_left
 
-    def _cut_due(self, now_ns: int) -> None:
-        if self._cutter is not None:
-            self._cutter.tick(now_ns)
-            self._arm_cut(self._cutter)
+    def _forward_due(self, now_ns: int) -> None:
+        if self._forwarder is not None:
+            self._forwarder.tick(now_ns)
+            self._arm_forwarding(self._forwarder)
 
-    def _arm_cut(self, cutter: RequestCutter) -> None:
-        if self._cut_timer is not None:
-            self._cut_timer.arm(cutter.deadline_ns)
+    def _arm_forwarding(self, forwarder: Forwarder) -> None:
+        if self._forward_timer is not None:
+            self._forward_timer.arm(forwarder.deadline_ns)
 
     def _silent(self, now_ns: int) -> None:
         requests = self._decoder.on_silence(now_ns)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compiled import mypyc_attr
-from gateway.exchange.cut_through.forward import ReplyCutter
+from gateway.exchange.cut_through.forward import Forwarder
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, answers_with, encode_mbap
@@ -168,8 +168,8 @@ class RtuDriveLink(Link):
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
         self._exchange: LineExchange
-        self._cutter: ReplyCutter | None = None
-        self._cut_timer: Timer | None = None
+        self._forwarder: Forwarder | None = None
+        self._forward_timer: Timer | None = None
         self._has_echo = has_echo
         self._own = b""
         """What has left in pieces, of which no echo has been heard yet."""
@@ -188,9 +188,9 @@ class RtuDriveLink(Link):
     def attach(self, exchange: LineExchange) -> None:
         """See ``Link``."""
         self._exchange = exchange
-        if exchange.cuts is not None:
-            self._cutter = exchange.cuts.reply
-            self._cut_timer = Timer(self._cut_due)
+        if exchange.forwarding is not None:
+            self._forwarder = exchange.forwarding.drives
+            self._forward_timer = Timer(self._forward_due)
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """See ``DriveLink``. A broadcast expects no reply."""
@@ -243,8 +243,8 @@ class RtuDriveLink(Link):
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``."""
         self._sender.heard(now_ns)
-        if self._cutter is not None:
-            data = self._cut(self._cutter, data, now_ns)
+        if self._forwarder is not None:
+            data = self._forward(self._forwarder, data, now_ns)
             if not data:
                 return
         decoder = self._decoder
@@ -292,17 +292,17 @@ class RtuDriveLink(Link):
     def close(self) -> None:
         """See ``Link``."""
         self._timer.close()
-        if self._cut_timer is not None:
-            self._cut_timer.close()
+        if self._forward_timer is not None:
+            self._forward_timer.close()
         self._sender.close()
 
-    def _cut(self, cutter: ReplyCutter, data: bytes, now_ns: int) -> bytes:
+    def _forward(self, forwarder: Forwarder, data: bytes, now_ns: int) -> bytes:
         """Let bytes of a reply leave that may; return what came without the own request."""
         if self._own:
             data = self._without_own(data)
         if data:
-            cutter.feed(data, now_ns, is_fresh=self._decoder.is_at_reply)
-            self._arm_cut(cutter)
+            forwarder.feed(data, now_ns, is_fresh=self._decoder.is_at_reply)
+            self._arm_forwarding(forwarder)
         return data
 
     def _without_own(self, data: bytes) -> bytes:
@@ -327,14 +327,14 @@ class RtuDriveLink(Link):
     def _forget_own(self) -> None:
         self._own = self._heard_own = b""
 
-    def _cut_due(self, now_ns: int) -> None:
-        if self._cutter is not None:
-            self._cutter.tick(now_ns)
-            self._arm_cut(self._cutter)
+    def _forward_due(self, now_ns: int) -> None:
+        if self._forwarder is not None:
+            self._forwarder.tick(now_ns)
+            self._arm_forwarding(self._forwarder)
 
-    def _arm_cut(self, cutter: ReplyCutter) -> None:
-        if self._cut_timer is not None:
-            self._cut_timer.arm(cutter.deadline_ns)
+    def _arm_forwarding(self, forwarder: Forwarder) -> None:
+        if self._forward_timer is not None:
+            self._forward_timer.arm(forwarder.deadline_ns)
 
     def _silent(self, now_ns: int) -> None:
         decoder = self._decoder

@@ -6,7 +6,6 @@ import pytest
 
 from bench.cut_damage import Damage
 from bench.cut_line import READ, WRITE_HEAD, Way, damaged, direct_ns, has_whole, run, shares
-from gateway.exchange.cut_status import cut_status
 from gateway.exchange.cut_through.frame import CutEvent
 from gateway.modbus.crc import append_crc
 from gateway.simulator.ears import Hearing
@@ -37,9 +36,9 @@ def test_a_line_that_cuts_through_adds_its_delays(
     found, line = run(way, 600)
     assert shares(way, found) == pytest.approx(expected, abs=0.003)
     assert (found.unanswered, found.torn, found.foreign, found.broken) == (0, 0, 0, 0)
-    assert line.line.cuts is not None
+    assert line.line.forwarding is not None
     # Of 300 writes and 300 reads the first 32 of each shape are learned from.
-    said = cut_status(line.line.cuts)
+    said = line.line.forwarding.status()
     assert said["requests"]["cut_through"] == 600 - 2 * 32
     assert said["requests"]["stored"] == {"kept": 2 * 32}
     assert (said["requests"]["spoilt"], said["replies"]["spoilt"], said["torn"]) == ({}, {}, 0)
@@ -53,9 +52,9 @@ def test_a_port_that_hands_whole_frames_over_stores() -> None:
     way = Way(9600, adapter=Adapter(latency_timer_ms=16.0))
     found, line = run(way, 200)
     assert (found.unanswered, found.torn) == (0, 0)
-    assert line.line.cuts is not None
-    assert line.line.cuts.requests[CutEvent.COMMITTED] == 0
-    assert cut_status(line.line.cuts)["requests"]["gain_us"] is None
+    assert line.line.forwarding is not None
+    assert line.line.forwarding.requests.ended[CutEvent.COMMITTED] == 0
+    assert line.line.forwarding.status()["requests"]["gain_us"] is None
     assert line.events == {"line-up": 1, "cut-through-off": 2}  # of requests and of replies, once each
     stored = shares(way, run(Way(9600, cuts=False, adapter=way.adapter), 200)[0])
     assert shares(way, found) == pytest.approx(stored, abs=0.005)
@@ -66,8 +65,8 @@ def test_no_drive_takes_what_nobody_sent_whole(hearing: Hearing) -> None:
     found, line = run(Way(38_400, hearing=hearing, seed=5), 800, 0.25)
     assert found.damaged > 60
     assert (found.foreign, found.forged) == (0, 0)
-    assert line.line.cuts is not None
-    assert line.line.cuts.requests[CutEvent.BAD] > 0
+    assert line.line.forwarding is not None
+    assert line.line.forwarding.requests.ended[CutEvent.BAD] > 0
 
 
 def test_damaged_frames_against_the_cutter_alone() -> None:

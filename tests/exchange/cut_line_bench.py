@@ -2,7 +2,7 @@
 
 A character takes 1 ms on either wire, so that what happens when can be counted. The silence between frames
 is 3.5 ms, a pause inside of one may have 1.5 ms. The line is that of ``line_bench``, with the real decoders
-and the real cutters; ports and link are those that record.
+and the real forwarders; ports and link are those that record.
 """
 
 from collections.abc import Callable
@@ -97,13 +97,16 @@ class Site:
         self.bench = Bench(*(plans or (PLAN,)), link=self.link, cut_through=WIRE, **options)
         self.link.now_ns = lambda: self.bench.now_ns
         self.line = self.bench.line
-        assert self.line.cuts is not None
-        self.cuts = self.line.cuts
+        assert self.line.forwarding is not None
+        self.forwarding = self.line.forwarding
         self.cnc = PiecePort(self, ControllerPlan("cnc", serial=True))
         self.panel = PiecePort(self, ControllerPlan("panel", serial=True, role=Role.OPERATOR))
         self.bench.port = self.cnc
-        self.cutter = self.cuts.follow(self.cnc, WIRE)
-        self.cutters = {self.cnc: self.cutter, self.panel: self.cuts.follow(self.panel, WIRE)}
+        self.forwarder = self.forwarding.follow(self.cnc, WIRE)
+        way = self.forwarding.way_of(self.cnc)
+        assert way is not None
+        self.way = way
+        self.forwarders = {self.cnc: self.forwarder, self.panel: self.forwarding.follow(self.panel, WIRE)}
 
     # --- before -------------------------------------------------------------------------------------------
 
@@ -112,7 +115,7 @@ class Site:
         for shape in shapes:
             pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
             for _ in range(LEARNED_AFTER):
-                known = self.cutter.replies if of_replies else self.cutter.heads
+                known = self.way.replies.delays if of_replies else self.way.heads.delays
                 known.measure(shape, pieces)
 
     def settle(self) -> None:
@@ -142,17 +145,17 @@ class Site:
         self.bench.now_ns = until_ns
 
     def _deadlines(self) -> list[int]:
-        found = [each.deadline_ns for each in self.cutters.values()]
-        found += [port.decoder.deadline_ns for port in self.cutters]
-        found += [self.cuts.reply.deadline_ns, self.link.decoder.deadline_ns, self.line.deadline_ns]
+        found = [each.deadline_ns for each in self.forwarders.values()]
+        found += [port.decoder.deadline_ns for port in self.forwarders]
+        found += [self.forwarding.drives.deadline_ns, self.link.decoder.deadline_ns, self.line.deadline_ns]
         return [each for each in found if each is not None]
 
     def _due(self, now_ns: int) -> None:
-        for port, cutter in self.cutters.items():
-            cutter.tick(now_ns)
+        for port, forwarder in self.forwarders.items():
+            forwarder.tick(now_ns)
             assert isinstance(port, PiecePort)
             self._requests(port, port.decoder.on_silence(now_ns))
-        self.cuts.reply.tick(now_ns)
+        self.forwarding.drives.tick(now_ns)
         for unit_id, pdu in self.link.decoder.on_silence(now_ns):
             self.line.reply(unit_id, pdu, now_ns)
         self.line.tick(now_ns)
@@ -164,14 +167,14 @@ class Site:
     def hear(self, port: PiecePort, data: bytes) -> None:
         """Bytes of a controller have come in this moment."""
         now_ns = self.bench.now_ns
-        has_left = self.cutters[port].feed(data, now_ns, is_fresh=port.decoder.is_between_frames)
+        has_left = self.forwarders[port].feed(data, now_ns, is_fresh=port.decoder.is_between_frames)
         requests = port.decoder.feed(data, now_ns)
         self._requests(port, requests[has_left:])
 
     def answer(self, data: bytes) -> None:
         """Bytes of the drives have come in this moment."""
         now_ns, decoder = self.bench.now_ns, self.link.decoder
-        self.cuts.reply.feed(data, now_ns, is_fresh=decoder.is_at_reply)
+        self.forwarding.drives.feed(data, now_ns, is_fresh=decoder.is_at_reply)
         counters = decoder.counters
         before = counters.stray_bytes, counters.stray_frames + counters.foreign
         replies = decoder.feed(data, now_ns)
@@ -217,12 +220,12 @@ class Site:
 
     def requests(self) -> dict[CutEvent, int]:
         """Return how requests ended that began to leave."""
-        found = self.cuts.requests.items()
+        found = self.forwarding.requests.ended.items()
         return {event: count for event, count in found if count and event is not CutEvent.KEPT}
 
     def replies(self) -> dict[CutEvent, int]:
         """Return how replies ended."""
-        return {event: count for event, count in self.cuts.replies.items() if count}
+        return {event: count for event, count in self.forwarding.replies.ended.items() if count}
 
 
 def frame_of(pdu: bytes, unit_id: int = 1) -> bytes:

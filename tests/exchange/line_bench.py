@@ -17,7 +17,7 @@ from gateway.exchange.cut_through.delay import (
     reply_shape,
     write_shape,
 )
-from gateway.exchange.cut_through.forward import RequestCutter, Wire
+from gateway.exchange.cut_through.forward import Forwarder, Wire
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
@@ -205,7 +205,7 @@ class Bench:
         if self.cuts_through:
             options = {"cut_through": WIRE, **options}
         self.link = link or Link(is_serial=not tcp_drive)
-        self.cutters: dict[Port, RequestCutter] = {}
+        self.forwarders: dict[Port, Forwarder] = {}
         self.events: list[Event] = []
         self.line = LineExchange(
             plans, timing or LineTiming(), self.link, self.events.append, groups, **options
@@ -259,32 +259,34 @@ class Bench:
 
     # --- lines that cut through -----------------------------------------------------------------------------
 
-    def _cutter(self, port: Port) -> RequestCutter:
+    def _forwarder(self, port: Port) -> Forwarder:
         """Return what follows the requests of a port, which has measured it."""
-        cutter = self.cutters.get(port)
-        if cutter is None:
-            assert self.line.cuts is not None
-            cutter = self.cutters[port] = self.line.cuts.follow(port, WIRE)
+        forwarder = self.forwarders.get(port)
+        if forwarder is None:
+            assert self.line.forwarding is not None
+            forwarder = self.forwarders[port] = self.line.forwarding.follow(port, WIRE)
+            way = self.line.forwarding.way_of(port)
+            assert way is not None
             for _ in range(LEARNED_AFTER):
                 for shape in KNOWN_REQUESTS:
-                    cutter.heads.measure(shape, _pieces(shape))
+                    way.heads.delays.measure(shape, _pieces(shape))
                 for shape in KNOWN_REPLIES:
-                    cutter.replies.measure(shape, _pieces(shape))
-        return cutter
+                    way.replies.delays.measure(shape, _pieces(shape))
+        return forwarder
 
     def _arrives(self, port: Port, unit_id: int, pdu: bytes) -> bool:
         """Let a request come in; return whether it has left with its last byte."""
-        cutter, frame = self._cutter(port), append_crc(bytes((unit_id,)) + pdu)
+        forwarder, frame = self._forwarder(port), append_crc(bytes((unit_id,)) + pdu)
         if self.arrival is Arrival.AT_ONCE:
-            return cutter.feed(frame, self.now_ns, is_fresh=True)
+            return forwarder.feed(frame, self.now_ns, is_fresh=True)
         has_left, begun_ns = False, self.now_ns
         for number in range(len(frame)):
             came_ns = begun_ns + (number + 1) * CHAR_NS
-            while (due_ns := cutter.deadline_ns) is not None and self.now_ns < due_ns < came_ns:
+            while (due_ns := forwarder.deadline_ns) is not None and self.now_ns < due_ns < came_ns:
                 self.now_ns = due_ns
-                cutter.tick(due_ns)
+                forwarder.tick(due_ns)
             self.now_ns = came_ns
-            has_left = cutter.feed(frame[number : number + 1], came_ns, is_fresh=number == 0)
+            has_left = forwarder.feed(frame[number : number + 1], came_ns, is_fresh=number == 0)
         return has_left
 
     def _end_silence(self) -> None:
@@ -301,20 +303,20 @@ class Bench:
         if not self.cuts_through or not unit_id:
             self.now_ns += ns
             return
-        assert self.line.cuts is not None
-        cutter, frame = self.line.cuts.reply, append_crc(bytes((unit_id,)) + reply)
+        assert self.line.forwarding is not None
+        forwarder, frame = self.line.forwarding.drives, append_crc(bytes((unit_id,)) + reply)
         if self.arrival is Arrival.AT_ONCE:
             self.now_ns += ns
-            cutter.feed(frame, self.now_ns, is_fresh=True)
+            forwarder.feed(frame, self.now_ns, is_fresh=True)
             return
         self.now_ns += max(0, ns - len(frame) * CHAR_NS)
         for number in range(len(frame)):
             came_ns = self.now_ns + CHAR_NS
-            while (due_ns := cutter.deadline_ns) is not None and self.now_ns < due_ns < came_ns:
+            while (due_ns := forwarder.deadline_ns) is not None and self.now_ns < due_ns < came_ns:
                 self.now_ns = due_ns
-                cutter.tick(due_ns)
+                forwarder.tick(due_ns)
             self.now_ns = came_ns
-            cutter.feed(frame[number : number + 1], came_ns, is_fresh=number == 0)
+            forwarder.feed(frame[number : number + 1], came_ns, is_fresh=number == 0)
 
     def ask(self, pdu: bytes) -> bytes:
         """Send a request, let the drive answer, return the controller's reply."""

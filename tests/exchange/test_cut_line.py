@@ -15,6 +15,7 @@ from gateway.exchange.commands import Disable
 from gateway.exchange.cut_through.delay import (
     LEARNED_AFTER,
     REMEMBERED,
+    Delays,
     Piece,
     acknowledgement_shape,
     margin_ns,
@@ -87,7 +88,7 @@ def test_a_setpoint_leaves_four_characters_behind_itself_and_its_reply_two() -> 
     assert line.cnc.replies == [(0, 1, NEXT[:5])]  # once
     assert (line.requests(), line.replies()) == ({CutEvent.COMMITTED: 1}, {CutEvent.COMMITTED: 1})
     assert line.line.axes[0].fields[0].nominal_words == NEXT[6:]
-    assert line.cuts.torn == 0
+    assert line.forwarding.underruns == 0
     # The request was off the wire at 17.325, and the reply began at 20.
     assert line.line.meter.measured["cnc", 1].drive[bucket_of(2_675_000)] == 1
 
@@ -196,7 +197,7 @@ def test_a_frame_that_stalls_is_spoilt_and_goes_behind_the_silence_if_the_rest_c
 
 
 def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at_first() -> None:
-    """After 60 ms the decoder's timer, the port and the cutter's timer are due, and come in this order."""
+    """After 60 ms the decoder's timer, the port and the forwarder's timer are due, and come in this order."""
     line = site(PLAN, staged_plan(name="y", unit_id=2))
     frame = frame_of(NEXT)
     began_ns = line.come(frame[:5])
@@ -204,7 +205,7 @@ def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at
     now_ns = line.bench.now_ns = began_ns + 65 * MS
     assert line.cnc.decoder.on_silence(now_ns) == []
     line.hear(line.cnc, frame[5:])
-    line.cutter.tick(now_ns)
+    line.forwarder.tick(now_ns)
     filled = line.to_drives(began_ns)
     assert [when for when, _ in filled] == [65.0]
     ends_spoilt([*HEAD[:2], *filled])
@@ -351,7 +352,7 @@ def test_a_request_is_torn_where_it_is_written_later_than_the_transmitter_is_emp
     began_ns = line.come(frame_of(NEXT))
     # What left before the position was off the wire at 11.325.
     assert line.to_drives(began_ns) == [*HEAD, (11.0 + late_ms, "27 44 00 00"), (13.0, "12 84")]
-    assert (line.requests(), line.cuts.torn) == ({CutEvent.COMMITTED: 1}, torn)
+    assert (line.requests(), line.forwarding.underruns) == ({CutEvent.COMMITTED: 1}, torn)
 
 
 @pytest.mark.parametrize(
@@ -383,7 +384,7 @@ def test_a_gateway_that_is_always_too_slow_tears_one_request_and_stores_all_othe
     line = site()
 
     def takes_8_ms() -> None:
-        cut = line.cutter._cut
+        cut = line.forwarder._frame
         if cut is None or cut.is_over:  # stored, or the check sum leaves
             line.bench.now_ns += 8 * MS
 
@@ -395,7 +396,10 @@ def test_a_gateway_that_is_always_too_slow_tears_one_request_and_stores_all_othe
         line.pass_to(line.bench.now_ns + 10 * MS)
     # 3 + 8 characters, the margin and the one to be gained are more than the 12 in which it is whole.
     assert line.requests() == {CutEvent.COMMITTED: 1}
-    assert (line.cuts.requests[CutEvent.KEPT], line.cuts.torn) == (2 * REMEMBERED - 1, 1)
+    assert (line.forwarding.requests.ended[CutEvent.KEPT], line.forwarding.underruns) == (
+        2 * REMEMBERED - 1,
+        1,
+    )
 
 
 @pytest.mark.parametrize("is_good", [True, False])
@@ -409,7 +413,7 @@ def test_what_leaves_in_one_write_is_not_torn_however_late_that_is_and_its_silen
     stands_still(line, line.link, 0, 5.0)  # what is read at 5 is written at 10
     line.hear(line.cnc, frame[4:] if is_good else frame[4:-1] + bytes((frame[-1] ^ 0x10,)))
     assert [(when, len(bytes.fromhex(data))) for when, data in line.to_drives(began_ns)] == [(10.0, 13)]
-    assert line.cuts.torn == 0
+    assert line.forwarding.underruns == 0
     if not is_good:  # 13 characters and three silences of 3.5
         assert line.line.deadline_ns == began_ns + 33_500_000
 
@@ -422,7 +426,7 @@ def test_the_guard_rings_in_time_also_where_the_writing_has_taken_its_time() -> 
     *_, (when, data) = line.to_drives(began_ns)
     # Seven bytes, from 4.325 on, are off the wire at 11.325: filled up a quarter before.
     assert (when, len(bytes.fromhex(data))) == (11.075, 6)
-    assert (line.requests(), line.cuts.torn) == ({CutEvent.STALLED: 1}, 0)
+    assert (line.requests(), line.forwarding.underruns) == ({CutEvent.STALLED: 1}, 0)
 
 
 @pytest.mark.parametrize(("late_ms", "torn"), [(0.1, 0), (1.0, 1)])
@@ -436,7 +440,7 @@ def test_a_reply_is_torn_where_it_is_written_later_than_the_transmitter_is_empty
     began_ns = line.reply(ACKNOWLEDGED)
     # Its first six bytes were off the wire at 8.2.
     assert line.to_cnc(began_ns)[-1] == (8.0 + late_ms, ACKNOWLEDGED[-2:].hex(" "))
-    assert (line.replies(), line.cuts.torn) == ({CutEvent.COMMITTED: 1}, torn)
+    assert (line.replies(), line.forwarding.underruns) == ({CutEvent.COMMITTED: 1}, torn)
 
 
 @pytest.mark.parametrize(
@@ -572,13 +576,13 @@ def test_a_reply_does_not_begin_before_the_silence_behind_its_request_is_over() 
 
 
 def test_what_is_a_loss_is_stored_for_the_next_ones() -> None:
-    heads = Heads(CHAR_NS, CHAR_NS, margin_ns(CHAR_NS))
+    heads = Heads(Delays(CHAR_NS, CHAR_NS, margin_ns(CHAR_NS)))
     line = site()
     pdu = b"\x01" + NEXT
-    heads.note(line.cuts.units.path_of(1, NEXT), pdu, pdu)
+    heads.note(line.forwarding.units.path_of(1, NEXT), pdu, pdu)
     pieces = [Piece(number * CHAR_NS, number + 1) for number in range(WRITE_SHAPE.length)]
     for _ in range(LEARNED_AFTER):
-        heads.measure(WRITE_SHAPE, pieces)
+        heads.delays.measure(WRITE_SHAPE, pieces)
     assert heads.opening(pdu[:4]) is not None
     for _ in range(WEIGHED_AT_LEAST - 1):
         heads.pay(pdu, 9 * MS)
@@ -592,7 +596,7 @@ def test_what_is_a_loss_is_stored_for_the_next_ones() -> None:
 
 
 def test_a_line_without_the_key_has_none_of_this() -> None:
-    assert Bench(PLAN).line.cuts is None
+    assert Bench(PLAN).line.forwarding is None
 
 
 # --- each end in each state -----------------------------------------------------------------------------

@@ -90,9 +90,11 @@ def step(line: Site, rng: Random, coming: bytes) -> bytes:
     elif what == "gone":
         line.line.controller_gone(line.cnc, line.bench.now_ns)
         line.cnc.decoder.reset()
-        line.cutters[line.cnc] = line.cuts.follow(line.cnc, line.cutter.wire)
-        line.cutters[line.cnc].heads._delays.update(line.cutter.heads._delays)
-        line.cutters[line.cnc].heads._expected.update(line.cutter.heads._expected)
+        line.forwarders[line.cnc] = line.forwarding.follow(line.cnc, line.way.wire)
+        way = line.forwarding.way_of(line.cnc)
+        assert way is not None
+        way.heads.delays.measured.update(line.way.heads.delays.measured)
+        way.heads._expected.update(line.way.heads._expected)
         return b""
     current = line.line._transactions.current
     if current is not None and current.phase is not Phase.LEAVING and rng.random() < 0.5:

@@ -7,7 +7,14 @@ import pytest
 
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.motion import MotionState
-from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, reply_shape
+from gateway.exchange.cut_through.delay import (
+    LEARNED_AFTER,
+    Delays,
+    Piece,
+    Shape,
+    acknowledgement_shape,
+    reply_shape,
+)
 from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough
 from gateway.exchange.cut_through.replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.plan import AxisPlan
@@ -30,14 +37,14 @@ class Way:
 
     def __init__(self, plan: AxisPlan = PLAN) -> None:
         self.bench = Bench(plan)
-        self.replies = Replies(CHAR_NS, CHAR_NS, CHAR_NS)
+        self.replies = Replies(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
         self.events: list[CutEvent] = []
 
     def measure(self, shape: Shape | None) -> None:
         assert shape is not None
         pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
         for _ in range(LEARNED_AFTER):
-            self.replies.measure(shape, pieces)
+            self.replies.delays.measure(shape, pieces)
 
     def settle(self) -> None:
         """Let a stream begin, and go on until no correction is blended any more."""
@@ -60,7 +67,7 @@ class Way:
         shape = reply_shape_of(transaction)
         if shape is not None:
             self.measure(shape)
-        judge = ReplyJudge(transaction, self.replies, lambda: True)
+        judge = ReplyJudge(transaction, self.replies)
         self.events = []
         cut = CutThrough(ReplyArrival(unit_id, sent), judge, PACE, self.events.append)
         came = characters(append_crc(bytes((unit_id,)) + reply), from_ns=bench.now_ns)
@@ -113,11 +120,11 @@ def test_the_shapes_of_replies() -> None:
 
 
 def begun(way: Way, pdu: bytes) -> tuple[Transaction, CutThrough]:
-    """Send a request; return it, and a cutter for its reply."""
+    """Send a request; return it, and a forwarder for its reply."""
     way.bench.send(pdu)
     transaction = way.bench.line._transactions.current
     assert transaction is not None
-    judge = ReplyJudge(transaction, way.replies, lambda: True)
+    judge = ReplyJudge(transaction, way.replies)
     return transaction, CutThrough(ReplyArrival(1, pdu), judge, PACE, way.events.append)
 
 

@@ -6,7 +6,7 @@ from random import Random
 import pytest
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
-from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, read_shape, write_shape
+from gateway.exchange.cut_through.delay import LEARNED_AFTER, Delays, Piece, read_shape, write_shape
 from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough
 from gateway.exchange.cut_through.requests import Heads, RequestJudge, leave_on
 from gateway.exchange.dispatch import Units
@@ -26,19 +26,19 @@ def frame_of(pdu: bytes, unit_id: int = 1) -> bytes:
 
 
 class Way:
-    """A stream over a line that stores, and beside it a cutter for what comes next."""
+    """A stream over a line that stores, and beside it a forwarder for what comes next."""
 
     def __init__(self, plan: AxisPlan | None = None) -> None:
         self.bench = Bench(plan or stream_plan(table=CURVE))
         self.units = Units(self.bench.line.axes, is_serial=True)
-        self.heads = Heads(CHAR_NS, CHAR_NS, CHAR_NS)
+        self.heads = Heads(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
         self.is_free = True
         self.left: list[Transaction] = []
         self.events: list[CutEvent] = []
         for shape in (WRITE_SHAPE, read_shape()):
             pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
             for _ in range(LEARNED_AFTER):
-                self.heads.measure(shape, pieces)
+                self.heads.delays.measure(shape, pieces)
 
     def store(self, pdu: bytes) -> bytes:
         """Let a request go the usual way, and be acknowledged; return what the drive was told."""
@@ -59,7 +59,7 @@ class Way:
         return self.stream(*range(2_000, 10_001, 40))
 
     def begin(self) -> CutThrough:
-        """Return a cutter for what comes next."""
+        """Return a forwarder for what comes next."""
 
         def leaves(path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
             transaction = Transaction(self.bench.port, 0, 1, pdu, now_ns)
@@ -68,7 +68,7 @@ class Way:
                 self.left.append(transaction)
             return sent
 
-        judge = RequestJudge(self.bench.port, self.units, self.heads, lambda: self.is_free, leaves)
+        judge = RequestJudge(self.bench.port, self.units, self.heads, lambda *_: self.is_free, leaves)
         self.events = []
         return CutThrough(RequestArrival(), judge, PACE, self.events.append)
 
@@ -221,7 +221,7 @@ def test_a_target_for_an_axis_whose_drive_fell_silent_is_stored() -> None:
 
 
 def test_nothing_is_cut_through_before_the_port_was_measured() -> None:
-    heads = Heads(CHAR_NS, CHAR_NS, CHAR_NS)
+    heads = Heads(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
     way = Way()
     pdu = write(COMMAND, 10_000)
     path = way.units.path_of(1, pdu)
@@ -229,7 +229,7 @@ def test_nothing_is_cut_through_before_the_port_was_measured() -> None:
     assert heads.opening(b"\x01" + pdu[:3]) is None
     pieces = [Piece(index * CHAR_NS, index + 1) for index in range(13)]
     for _ in range(LEARNED_AFTER):
-        heads.measure(WRITE_SHAPE, pieces)
+        heads.delays.measure(WRITE_SHAPE, pieces)
     opening = heads.opening(b"\x01" + pdu[:3])
     assert opening is not None
     assert (opening.shape, opening.delay_ns, opening.filler) == (WRITE_SHAPE, 4000, b"\x01" + pdu)
@@ -241,7 +241,7 @@ def test_another_port_is_another_controller() -> None:
     way.settle()
     other = Port()
     other.writer = "panel"
-    judge = RequestJudge(other, way.units, way.heads, lambda: True, lambda *_: None)
+    judge = RequestJudge(other, way.units, way.heads, lambda *_: True, lambda *_: None)
     cut = CutThrough(RequestArrival(), judge, PACE, way.events.append)
     play(cut, characters(frame_of(write(COMMAND, 10_120))))
     assert cut.state is Cut.STORED

@@ -58,22 +58,30 @@ def test_a_stream_reaches_its_drive_as_on_a_line_that_stores(
     cut, cut_told = played(wanted)
     assert cut.seen == stored.seen
     assert cut_told == stored_told
-    cuts = cut.line.cuts
-    assert cuts is not None
-    requests, replies = cuts.requests[CutEvent.COMMITTED], cuts.replies[CutEvent.COMMITTED]
+    forwarding = cut.line.forwarding
+    assert forwarding is not None
+    requests, replies = (
+        forwarding.requests.ended[CutEvent.COMMITTED],
+        forwarding.replies.ended[CutEvent.COMMITTED],
+    )
     spoilt = {
-        event.value: count - cuts.requests_stored[event]
-        for event, count in cuts.requests.items()
-        if event is not CutEvent.COMMITTED and count > cuts.requests_stored[event]
+        event.value: count - forwarding.requests.stored[event]
+        for event, count in forwarding.requests.ended.items()
+        if event is not CutEvent.COMMITTED and count > forwarding.requests.stored[event]
     }
-    assert sum(cuts.requests.values()) == 2 * len(wanted)  # each of them has ended in one way
-    whole_at_once = 2 * len(wanted) - sum(cuts.replies.values())  # of requests that took the slow path
-    assert (cuts.torn, sum(cuts.replies.values()) - replies) == (0, sum(cuts.replies_stored.values()))
+    assert sum(forwarding.requests.ended.values()) == 2 * len(wanted)  # each of them has ended in one way
+    whole_at_once = 2 * len(wanted) - sum(
+        forwarding.replies.ended.values()
+    )  # of requests that took the slow path
+    assert (forwarding.underruns, sum(forwarding.replies.ended.values()) - replies) == (
+        0,
+        sum(forwarding.replies.stored.values()),
+    )
     with capsys.disabled():
         sys.stdout.write(
             f"\nstream {seed}: {len(wanted)} setpoints and readings, requests cut through {requests}, stored "
-            f"{sum(cuts.requests_stored.values())}, spoilt {spoilt}; replies cut through {replies}, stored "
-            f"{sum(cuts.replies_stored.values()) + whole_at_once}\n"
+            f"{sum(forwarding.requests.stored.values())}, spoilt {spoilt}; replies cut through {replies}, "
+            f"stored {sum(forwarding.replies.stored.values()) + whole_at_once}\n"
         )
     assert requests > 0.7 * 2 * len(wanted)
     assert replies > 0.7 * 2 * len(wanted)

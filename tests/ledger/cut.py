@@ -2,15 +2,15 @@
 
 Characters take their time here, on the controller's wire and on that of the drives; adapters hand them over
 one by one or in lumps. Masters pause inside of frames, break off and garble any byte. Ports and link are what
-the relay's are, in virtual time: the decoders and cutters of the gateway, and beside them two wires that hear
-everything (``buses``).
+the relay's are, in virtual time: the decoders and forwarders of the gateway, and beside them two wires that
+hear everything (``buses``).
 """
 
 import random
 from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
-from gateway.exchange.cut_through.forward import CutLine, ReplyCutter, RequestCutter, Wire
+from gateway.exchange.cut_through.forward import Forwarder, Forwarding, Wire
 from gateway.exchange.cut_through.frame import CutEvent
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, silence_ns
 from tests.ledger.buses import SPOILT_SILENCES, Bus, reply_length, request_length
@@ -128,17 +128,17 @@ class CutWire(RtuWire):
     def _received(self, data: bytes) -> None:
         line, now_ns = self.line, self._clock.now_ns
         assert line is not None
-        assert line.cuts is not None
+        assert line.forwarding is not None
         self.bus.other_end(now_ns)
-        counters, decoder, cutter = self._decoder.counters, self._decoder, line.cuts.reply
+        counters, decoder, forwarder = self._decoder.counters, self._decoder, line.forwarding.drives
         stray_bytes, frames = counters.stray_bytes, counters.stray_frames + counters.foreign
         is_at_reply = decoder.is_at_reply
         replies = decoder.feed(data, now_ns)
         # What leaves with the last byte is held against what the drive said with it.
         if replies:
             self._ledger.delivering(replies[0][1], self._heard_for)
-        cutter.feed(data, now_ns, is_fresh=is_at_reply)
-        call_when_due(self._clock, cutter)
+        forwarder.feed(data, now_ns, is_fresh=is_at_reply)
+        call_when_due(self._clock, forwarder)
         is_frame = counters.stray_frames + counters.foreign != frames
         if is_frame or counters.stray_bytes != stray_bytes:
             line.stray(now_ns, unit_id=decoder.late_unit_id if is_frame else -1)
@@ -156,7 +156,7 @@ class CutMaster(SerialMaster):
 
     speeds: Speeds
     bus: Bus
-    cutter: RequestCutter
+    forwarder: Forwarder
 
     def become(self, speeds: Speeds) -> None:
         """Say how fast its wire is, and let its requests be followed; before the first one."""
@@ -170,8 +170,8 @@ class CutMaster(SerialMaster):
             lambda: self._ledger.witness(0 if self._step is None else self._step[0]).journal,
         )
         self._decoder = RtuRequestDecoder(speeds.controller.silence_ns)
-        assert self._line.cuts is not None
-        self.cutter = self._line.cuts.follow(self, speeds.controller)
+        assert self._line.forwarding is not None
+        self.forwarder = self._line.forwarding.follow(self, speeds.controller)
 
     # --- requests ----------------------------------------------------------------------------------------
 
@@ -205,7 +205,7 @@ class CutMaster(SerialMaster):
         return lambda: self._come(lump)
 
     def _come(self, lump: bytes) -> None:
-        now_ns, cutter, decoder = self._clock.now_ns, self.cutter, self._decoder
+        now_ns, forwarder, decoder = self._clock.now_ns, self.forwarder, self._decoder
         self.bus.other_end(now_ns)
         is_fresh = decoder.is_between_frames
         requests = decoder.feed(lump, now_ns)
@@ -213,8 +213,8 @@ class CutMaster(SerialMaster):
         is_one = len(requests) == 1
         if is_one:
             self._ledger.arrived(self.book, 0, *requests[0], now_ns)
-        has_left = cutter.feed(lump, now_ns, is_fresh=is_fresh)
-        call_when_due(self._clock, cutter)
+        has_left = forwarder.feed(lump, now_ns, is_fresh=is_fresh)
+        call_when_due(self._clock, forwarder)
         if is_one and not has_left:
             self._line.request(self, 0, *requests[0], now_ns)
         elif not is_one:
@@ -242,29 +242,30 @@ class CutMaster(SerialMaster):
         self._heard(unit_id, pdu, (ends_ns - self._clock.now_ns) / MS)
 
 
-def call_when_due(clock: Clock, cutter: ReplyCutter | RequestCutter) -> None:
-    """Have a cutter called when it wants to be."""
-    deadline_ns = cutter.deadline_ns
+def call_when_due(clock: Clock, forwarder: Forwarder) -> None:
+    """Have a forwarder called when it wants to be."""
+    deadline_ns = forwarder.deadline_ns
     if deadline_ns is None:
         return
 
     def due() -> None:
-        cutter.tick(clock.now_ns)
-        after_ns = cutter.deadline_ns
+        forwarder.tick(clock.now_ns)
+        after_ns = forwarder.deadline_ns
         if after_ns is not None and (after_ns > clock.now_ns or after_ns != deadline_ns):
-            call_when_due(clock, cutter)
+            call_when_due(clock, forwarder)
 
     clock.at(deadline_ns, due)
 
 
-def check_counts(cuts: CutLine, wire: CutWire, master: CutMaster, book: Book) -> None:
+def check_counts(forwarding: Forwarding, wire: CutWire, master: CutMaster, book: Book) -> None:
     """Hold what the line has counted against what both wires heard; and put it into the book."""
     wire.bus.finish()
     master.bus.finish()
-    for what, ended, stored, bus in (
-        ("requests", cuts.requests, cuts.requests_stored, wire.bus),
-        ("replies", cuts.replies, cuts.replies_stored, master.bus),
+    for what, totals, bus in (
+        ("requests", forwarding.requests, wire.bus),
+        ("replies", forwarding.replies, master.bus),
     ):
+        ended, stored = totals.ended, totals.stored
         book.seen[f"cut line: {what} cut through"] += ended[CutEvent.COMMITTED]
         for event, count in ended.items():
             if event is not CutEvent.COMMITTED:
@@ -274,4 +275,4 @@ def check_counts(cuts: CutLine, wire: CutWire, master: CutMaster, book: Book) ->
         told, heard = (ended[CutEvent.COMMITTED], spoilt), (bus.in_pieces, bus.not_whole)
         if heard != told:
             book.violation("counted-otherwise", f"{what}: whole, spoilt {heard} heard, {told} told", None)
-    book.seen["cut line: torn"] += cuts.torn
+    book.seen["cut line: torn"] += forwarding.underruns

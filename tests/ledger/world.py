@@ -155,10 +155,10 @@ class World:
         while self.clock.now_ns < end_ns and self._step():
             pass
         self._check_all_answered()
-        master, cuts = self.masters[0], self.line.cuts
-        if cuts is not None and isinstance(self.wire, CutWire) and isinstance(master, CutMaster):
+        master, forwarding = self.masters[0], self.line.forwarding
+        if forwarding is not None and isinstance(self.wire, CutWire) and isinstance(master, CutMaster):
             self.book.seen["requests of cut lines"] += self.book.seen["requests"] - last + requests
-            check_counts(cuts, self.wire, master, self.book)
+            check_counts(forwarding, self.wire, master, self.book)
 
     def _open(self) -> None:
         self.wire.open()

@@ -90,8 +90,8 @@ class Wires:
         self.controller, self.drive = controller, drive
         self.paced, self.drive_paced = Paced(controller), Paced(drive)
         self.paced.other, self.drive_paced.other = drive, controller
-        assert line.cuts is not None
-        self.cuts = line.cuts
+        assert line.forwarding is not None
+        self.forwarding = line.forwarding
 
     async def settle(self) -> None:
         """Let a stream begin that comes in whole frames, and is stored."""
@@ -105,14 +105,16 @@ class Wires:
 
     def teach(self) -> None:
         """Let the port know what it would have measured, and forget what a busy machine has cost it."""
-        (cutter,) = self.cuts._cutters.values()
-        cutter._came = self.cuts.reply._came = None  # else learned from when the next one begins
-        for forgotten in (cutter.heads, cutter.replies):
-            forgotten._delays.clear()
+        (way,) = self.forwarding._ways.values()
+        way.forwarder._came = self.forwarding.drives._came = (
+            None  # else learned from when the next one begins
+        )
+        for forgotten in (way.heads, way.replies):
+            forgotten.delays.measured.clear()
             forgotten._stored.clear()
         for shape, measure in (
-            (write_shape(2, 0, 2), cutter.heads.measure),
-            (acknowledgement_shape(), cutter.replies.measure),
+            (write_shape(2, 0, 2), way.heads.delays.measure),
+            (acknowledgement_shape(), way.replies.delays.measure),
         ):
             for number in range(LEARNED_AFTER):
                 measure(shape, pieces_of(shape, ROOM_NS if number else 0))
@@ -199,13 +201,20 @@ async def test_a_setpoint_and_its_reply_leave_while_they_arrive(
         if heard != ACKNOWLEDGED:
             assert residue_after(heard) == INVERTED
         is_seen = wires.paced.seen_before_last >= 7 and wires.drive_paced.seen_before_last >= 2
-        if is_seen and wires.cuts.requests[CutEvent.COMMITTED] and wires.cuts.replies[CutEvent.COMMITTED]:
+        if (
+            is_seen
+            and wires.forwarding.requests.ended[CutEvent.COMMITTED]
+            and wires.forwarding.replies.ended[CutEvent.COMMITTED]
+        ):
             break
-    assert wires.cuts.requests[CutEvent.COMMITTED]
-    assert wires.cuts.replies[CutEvent.COMMITTED]
+    assert wires.forwarding.requests.ended[CutEvent.COMMITTED]
+    assert wires.forwarding.replies.ended[CutEvent.COMMITTED]
     assert wires.paced.seen_before_last >= 7
     assert wires.drive_paced.seen_before_last >= 2
-    assert (wires.cuts.requests[CutEvent.MET], wires.cuts.replies[CutEvent.BAD]) == (0, 0)
+    assert (wires.forwarding.requests.ended[CutEvent.MET], wires.forwarding.replies.ended[CutEvent.BAD]) == (
+        0,
+        0,
+    )
 
 
 async def test_w3_a_bad_check_sum_leaves_as_one_that_is_bad_in_both_bytes(

@@ -25,7 +25,7 @@ from gateway.exchange.axis.interlock import BLOCK_AFTER, Block
 from gateway.exchange.axis.motion import MOTION_AFTER
 from gateway.exchange.axis.reference import REFERENCE_AFTER
 from gateway.exchange.axis.registers import Completeness
-from gateway.exchange.cut_through.forward import ReplyCutter, RequestCutter
+from gateway.exchange.cut_through.forward import Forwarder, RequestWay
 from gateway.exchange.cut_through.frame import Cut
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import compensation_state, direction_state
@@ -64,10 +64,7 @@ LEFT_OUT: Final = {
     "_asked_unit_id": "of these figures",
     "_damaged_before": "the same",
     "requests": "figures for the status",
-    "requests_stored": "the same",
-    "requests_gain_ns": "the same",
-    "replies_stored": "the same",
-    "replies_gain_ns": "the same",
+    "totals": "the same",
     "on_change": "a function of the world",
     "tell_no_gain": "the same",
     "_from_nominal": "of a run of targets, which ends before a state is kept",
@@ -145,8 +142,10 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "_steady_map": lambda each: each.is_steady,
     "_last_byte_ns": lambda each: each._buffer,
     "_is_behind_frame": lambda each: each._buffer,
-    "_last_ns": lambda each: each._cut is not None and each._cut.state is Cut.BEGUN,
-    "_now_ns": lambda each: not isinstance(each, RequestCutter | ReplyCutter),
+    "_last_ns": lambda each: (
+        isinstance(each._way, RequestWay) and each._frame is not None and each._frame.state is Cut.BEGUN
+    ),
+    "_now_ns": lambda each: not isinstance(each, Forwarder),
 }
 """Attributes that count only while something else holds; else they are taken for nothing."""
 ONLY_OF_A_RECORD: Final = ("_way",)

@@ -37,16 +37,20 @@ def let_happen(name: str, events: Sequence[Happening]) -> CutWorld:
 
 def ends_of(world: CutWorld) -> set[CutEvent]:
     """Return how requests have ended that were not just stored."""
-    cuts = world.sides[0].line.cuts
-    assert cuts is not None
-    return {event for event, count in cuts.requests.items() if count and event is not CutEvent.KEPT}
+    forwarding = world.sides[0].line.forwarding
+    assert forwarding is not None
+    return {
+        event for event, count in forwarding.requests.ended.items() if count and event is not CutEvent.KEPT
+    }
 
 
 def ends_of_replies(world: CutWorld) -> set[CutEvent]:
     """The same of replies."""
-    cuts = world.sides[0].line.cuts
-    assert cuts is not None
-    return {event for event, count in cuts.replies.items() if count and event is not CutEvent.KEPT}
+    forwarding = world.sides[0].line.forwarding
+    assert forwarding is not None
+    return {
+        event for event, count in forwarding.replies.ended.items() if count and event is not CutEvent.KEPT
+    }
 
 
 @pytest.mark.parametrize("steps", [HEAD, LEAVING], ids=["head", "leaving"])
@@ -175,9 +179,12 @@ def test_what_begins_as_no_reply_to_what_was_asked_never_begins_to_leave(first: 
     world = let_happen("b-rtu-cut-back", (*SEEN_THERE, ("ask", 0, "read", 0)))
     side = world.sides[0]
     assert isinstance(side, CutSide)
-    kept = side.cuts.replies_stored[CutEvent.KEPT]
+    kept = side.forwarding.replies.stored[CutEvent.KEPT]
     side.hear(bytes.fromhex(first), world.now_ns)
-    assert (side.cuts.replies_stored[CutEvent.KEPT], side.cuts.reply.deadline_ns) == (kept + 1, None)
+    assert (side.forwarding.replies.stored[CutEvent.KEPT], side.forwarding.drives.deadline_ns) == (
+        kept + 1,
+        None,
+    )
 
 
 def test_a_reply_that_leaves_ends_although_its_controller_begins_another_request() -> None:

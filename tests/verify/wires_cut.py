@@ -1,4 +1,4 @@
-"""Worlds in which requests and replies leave while they arrive: the real cutters, bytes in pieces.
+"""Worlds in which requests and replies leave while they arrive: the real forwarders, bytes in pieces.
 
 What is abstracted, beside what :mod:`tests.verify.wires_rtu` says: the pieces of a frame come at one instant,
 and its first byte leaves with a delay of 1 ns. So each piece comes before the delay is over or after it, as
@@ -6,7 +6,7 @@ the world has it, and in time unless the world lets the forwarder's deadline pas
 is not learned, and whether it pays is not weighed: both would go on for ever, and are forgotten with each
 event.
 
-A witness on each wire (:class:`CutPipe`) takes apart what leaves, and knows nothing of cutters.
+A witness on each wire (:class:`CutPipe`) takes apart what leaves, and knows nothing of forwarders.
 
 A controller whose reply was spoilt has heard nothing, and gives its request up; the gateway counts the reply.
 """
@@ -23,7 +23,7 @@ from gateway.exchange.cut_through.delay import (
     reply_shape,
     write_shape,
 )
-from gateway.exchange.cut_through.forward import CutLine, RequestCutter
+from gateway.exchange.cut_through.forward import Forwarding, RequestWay
 from gateway.exchange.cut_through.forward import Wire as LineWire
 from gateway.exchange.cut_through.frame import Cut, CutEvent
 from gateway.exchange.events import Event
@@ -68,14 +68,14 @@ def steady(*shapes: Shape) -> dict[Shape, MeasuredDelay]:
     return delays
 
 
-def forget_measured(cutter: RequestCutter) -> None:
+def forget_measured(way: RequestWay) -> None:
     """What requests begin like, and what is answered, stays; how they come and what they gain is known.
 
     Ports learn from a frame when the next one begins, which is after this. Of what is answered only the data
     fill up, and no more than their length counts.
     """
-    cutter._came = None
-    heads, replies = cutter.heads, cutter.replies
+    way.forwarder._came = None
+    heads, replies = way.heads, way.replies
     heads._gains.clear()
     heads._stored.clear()
     replies._stored.clear()
@@ -162,7 +162,7 @@ class CutSide(RtuSide):
     port_wire = CONTROLLER
 
     def __init__(self, design: Design, tell: Callable[[Event], None]) -> None:
-        self._cutters: dict[ControllerPort, RequestCutter] = {}
+        self._ways: dict[ControllerPort, RequestWay] = {}
         super().__init__(design, tell)
 
     def line_of(self, design: Design, tell: Callable[[Event], None]) -> TimedLine:
@@ -172,41 +172,42 @@ class CutSide(RtuSide):
     def open_port(self, number: int, now_ns: int) -> None:
         """See ``RtuSide``. What follows its requests is that of before, emptied; it knows how they come."""
         super().open_port(number, now_ns)
-        port, cuts = self.ports[number], self.line.cuts
-        assert cuts is not None
-        cutter = self._cutters.get(port)
-        if cutter is None:
-            cutter = self._cutters[port] = port._cutter
-            cutter.heads._delays |= steady(read_shape(), write_shape(2, 0, 2))
-            cutter.replies._delays |= steady(
+        port, forwarding = self.ports[number], self.line.forwarding
+        assert forwarding is not None
+        way = self._ways.get(port)
+        if way is None:
+            way = self._ways[port] = forwarding._ways[port]
+            way.heads.delays.measured |= steady(read_shape(), write_shape(2, 0, 2))
+            way.replies.delays.measured |= steady(
                 acknowledgement_shape(), reply_shape(1), reply_shape(2, [(0, 2)])
             )
-        cutter.heads._expected.clear()
-        cutter.replies._passed.clear()
-        cutter._cut = None
-        port._cutter = cuts._cutters[port] = cutter
+        way.heads._expected.clear()
+        way.replies._passed.clear()
+        way.forwarder.drop()
+        forwarding._ways[port] = way
+        port._forwarder = way.forwarder
 
     def roots(self) -> list[object]:
         """See ``RtuSide``."""
-        return [*super().roots(), *(port._cutter.replies for port in self.ports)]
+        return [*super().roots(), *(self._ways[port].replies for port in self.ports)]
 
     def fall_silent(self, now_ns: int) -> None:
-        """See ``RtuSide``: cutters are the first to miss what does not come.
+        """See ``RtuSide``: forwarders are the first to miss what does not come.
 
-        What has begun to come and stands still since is stored: with the next byte its cutter sees that.
+        What has begun to come and stands still since is stored: with the next byte its forwarder sees that.
         """
         self.line.world_ns = now_ns
         for each in (*self.ports, self.link.real):
-            pass_by(each._cut_timer)
+            pass_by(each._forward_timer)
         if any(pipe.leaving for pipe in (*self.wires, self.link.pipe)):
             raise BrokenRuleError("a frame stands still in the middle, and is not filled up (W12)")
         super().fall_silent(now_ns)
         for pipe in (*self.wires, self.link.pipe):
             pipe.owes_silence = False
         for port in self.ports:
-            cut = port._cutter._cut
-            if cut is not None and cut.state is Cut.BEGUN:
-                port._cutter._cut = None
+            frame = port._forwarder._frame
+            if frame is not None and frame.state is Cut.BEGUN:
+                port._forwarder.drop()
 
     def gone(self, port: int, now_ns: int) -> None:
         """See ``Side``."""
@@ -222,22 +223,28 @@ class CutSide(RtuSide):
         and no frame is late here; of timers that would ring in vain.
         """
         self.link.real._decoder._stray = b""
-        self.cuts.reply._came = None
+        self.forwarding.drives._came = None
         for port in self.ports:
-            forget_measured(port._cutter)
-            if port._cutter._cut is not None and port._cutter._cut.is_over:
-                port._cutter._cut = None
-        reply = self.cuts.reply
-        transaction = reply._transaction
+            forget_measured(self._ways[port])
+            if port._forwarder._frame is not None and port._forwarder._frame.is_over:
+                port._forwarder.drop()
+        drives, way = self.forwarding.drives, self.forwarding._reply_way
+        transaction = way._transaction
         if transaction is not None and transaction.phase is not Phase.SENT:
-            reply._transaction = reply._cut = reply._judge = None
+            way._transaction = way._judge = None
+            drives.drop()
         is_for_nobody = transaction is not None and transaction.is_orphan
-        if is_for_nobody and reply._cut is not None and reply._cut.is_over:
-            reply._cut = reply._judge = None  # for nobody no other one begins
-        followed = [(port, port._cutter) for port in self.ports]
-        for each, cutter in (*followed, (self.link.real, reply)):
-            if cutter.deadline_ns is None:
-                each._cut_timer.arm(None)
+        if is_for_nobody and drives._frame is not None and drives._frame.is_over:
+            self.drop_reply()  # for nobody no other one begins
+        followed = [(port, port._forwarder) for port in self.ports]
+        for each, forwarder in (*followed, (self.link.real, drives)):
+            if forwarder.deadline_ns is None:
+                each._forward_timer.arm(None)
+
+    def drop_reply(self) -> None:
+        """Let go of the reply that arrives, or came last."""
+        self.forwarding._reply_way._judge = None
+        self.forwarding.drives.drop()
 
     @property
     def wires(self) -> list[CutPipe]:
@@ -245,29 +252,25 @@ class CutSide(RtuSide):
         return [pipe for pipe in self.pipes if isinstance(pipe, CutPipe)]
 
     @property
-    def cuts(self) -> CutLine:
+    def forwarding(self) -> Forwarding:
         """Of the line."""
-        assert self.line.cuts is not None
-        return self.line.cuts
+        assert self.line.forwarding is not None
+        return self.line.forwarding
 
     @property
     def pipe_of_reply(self) -> CutPipe | None:
         """The wire on which a reply leaves, as the line has it."""
-        reply = self.cuts.reply
-        if reply._cut is None or not reply._cut.is_on_the_way:
+        frame, transaction = self.forwarding.drives._frame, self.forwarding._reply_way._transaction
+        if frame is None or not frame.is_on_the_way:
             return None
-        assert reply._transaction is not None
-        return self.wires[self.ports.index(reply._transaction.port)]
+        assert transaction is not None
+        return self.wires[self.ports.index(transaction.port)]
 
     def ends(self) -> tuple[int, ...]:
         """Return how often each end of ``ENDS`` was met so far by a frame of which bytes had left."""
-        cuts = self.cuts
         return tuple(
-            ended[event] - stored[event]
-            for ended, stored in (
-                (cuts.requests, cuts.requests_stored),
-                (cuts.replies, cuts.replies_stored),
-            )
+            totals.ended[event] - totals.stored[event]
+            for totals in (self.forwarding.requests, self.forwarding.replies)
             for event in CutEvent
         )
 
@@ -346,7 +349,7 @@ class CutWorld(RtuWorld):
             found += [("anew", *each) for each in self._requests()]
         if self.is_leaving and "stuck" in design.happenings:
             found += [("stuck", *each) for each in self._requests()]
-        is_waited_for = self._cut_side.ports[0]._cut_timer.deadline_ns is not None
+        is_waited_for = self._cut_side.ports[0]._forward_timer.deadline_ns is not None
         if is_waited_for:
             found.append(("stall",) if self.is_leaving else ("delay",))
         if self.is_leaving and "noise" in design.happenings:
@@ -378,7 +381,7 @@ class CutWorld(RtuWorld):
             found.append(("reply_more",))
         if "again" in design.happenings and state.asked[0]:
             found += [("ask", 0, *each) for each in self._requests()]
-        if self._cut_side.link.real._cut_timer.deadline_ns is not None:
+        if self._cut_side.link.real._forward_timer.deadline_ns is not None:
             found.append(("reply_stall",) if self.is_replying else ("reply_delay",))
         return found
 
@@ -506,7 +509,7 @@ class CutWorld(RtuWorld):
 
     def _pass_once(self) -> None:
         self._cut_side.line.world_ns = self.now_ns
-        pass_once(self._cut_side.ports[0]._cut_timer)
+        pass_once(self._cut_side.ports[0]._forward_timer)
         self._collect()
 
     def _on_noise(self) -> None:
@@ -541,7 +544,7 @@ class CutWorld(RtuWorld):
         side = self._cut_side
         before, told, met = side.lens.take(self.now_ns), list(self.told), set(self.tally.events)
         side.line._transactions.current = None
-        side.ports[0]._cutter._cut = None
+        side.ports[0]._forwarder.drop()
         side.link.pipe.leaving = b""
         side.feed(0, rest, self.now_ns)
         found = list(side.link.sent), self._axes()
@@ -580,7 +583,7 @@ class CutWorld(RtuWorld):
     def _on_stuck(self, name: str, axis: int, number: int = 0) -> None:
         """The process stands still: the decoder has given up what never came whole, and another one is there.
 
-        The cutter's own timer would have been the first to ring, and nobody has looked at it.
+        The forwarder's own timer would have been the first to ring, and nobody has looked at it.
         """
         self._end_half()
         self._give_up(0)
@@ -654,7 +657,7 @@ class CutWorld(RtuWorld):
 
     def _pass_reply_timer(self) -> None:
         self._cut_side.line.world_ns = self.now_ns
-        pass_once(self._cut_side.link.real._cut_timer)
+        pass_once(self._cut_side.link.real._forward_timer)
         self._collect()
 
     def _on_reply_bad(self) -> None:
@@ -702,7 +705,7 @@ class CutWorld(RtuWorld):
         """Return what controllers would hear, and what would be, if nothing of a reply had left yet."""
         side = self._cut_side
         before, told, met = side.lens.take(self.now_ns), list(self.told), set(self.tally.events)
-        side.cuts.reply._cut = side.cuts.reply._judge = None
+        side.drop_reply()
         pipe.leaving = b""
         side.hear(rest, self.now_ns)
         found = self._passed(), list(side.link.sent), self._axes()

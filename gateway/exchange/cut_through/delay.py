@@ -232,3 +232,36 @@ class MeasuredDelay:
         is_gain = is_known and delay_ns + self._char_ns <= whole_ns
         self.delay_ns = delay_ns if is_gain else None
         self.no_gain = (delay_ns, whole_ns) if is_known and not is_gain else None
+
+
+class Delays:
+    """How late each shape of frames has to begin to leave between two wires, as far as it was measured.
+
+    Args:
+        in_ns: what a character takes on the wire on which they come.
+        out_ns: and on the one on which they leave.
+        margin_ns: see ``MeasuredDelay``.
+    """
+
+    __slots__ = ("_in_ns", "_margin_ns", "_out_ns", "measured")
+
+    def __init__(self, in_ns: int, out_ns: int, margin_ns: int) -> None:
+        self._in_ns = in_ns
+        self._out_ns = out_ns
+        self._margin_ns = margin_ns
+        self.measured: dict[Shape, MeasuredDelay] = {}
+
+    def measure(
+        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0
+    ) -> MeasuredDelay:
+        """Learn from how a frame came, whatever became of it; return what is known now."""
+        delay = self.measured.get(shape)
+        if delay is None:
+            delay = self.measured[shape] = MeasuredDelay(shape, self._in_ns, self._out_ns, self._margin_ns)
+        delay.note(pieces, own_ns, written_need_ns)
+        return delay
+
+    def of(self, shape: Shape) -> int | None:
+        """Return after how long a frame of a shape may begin to leave; None: it is stored."""
+        delay = self.measured.get(shape)
+        return None if delay is None else delay.delay_ns

@@ -1,37 +1,41 @@
-"""Cut-through on one line: requests and replies followed as they arrive, and sent on where they may be.
+"""Cut-through on one line: frames are followed as they arrive, and forwarded where they may be.
 
-Made for lines whose configuration asks for it; every other line has none of this. Each serial port of a
-controller has a :class:`RequestCutter`, the drives' wire has one :class:`ReplyCutter`. Both follow all frames
-beside the decoder, from its first byte after a silence: what is not cut through teaches how the port hands
-bytes over, and takes the usual way. What leaves does so as whole frames do, and the line is told
-(:class:`ForwardingLine`).
+:class:`Forwarding` is all that the rest of the exchange knows of it. A line has one where its configuration
+asks for it; every other line has none of this. One :class:`Forwarder` follows the requests of each port of a
+controller, one the replies of the drives. It follows all frames beside the decoder, each from its first byte
+after a silence. What is not cut through takes the usual way, and teaches how its port hands bytes over.
+
+Requests and replies differ in what is expected, who judges, where bytes go and what is learned. That is their
+:class:`Way`: :class:`RequestWay` or :class:`ReplyWay`. What leaves does so as whole frames do, and the line
+hears of it (:class:`ForwardingLine`).
 """
 
 from collections import deque
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through.delay import (
     CRC_BYTES,
     REMEMBERED,
-    MeasuredDelay,
+    Delays,
     Piece,
+    Shape,
     guard_ns,
     margin_ns,
 )
-from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutEvent, CutThrough, Pace
+from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough, Pace
 from gateway.exchange.cut_through.replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.cut_through.requests import WRITE, Heads, RequestJudge, beginning_of, shape_of
 from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import ReadPath, WritePath
-from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.exchange.ports import ControllerPort, DriveLink, Stamps
 from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import FastPath, Phase, Step, Transaction, Transactions
 from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
 from gateway.modbus.rtu_line import pause_ns
-from gateway.times import NS_PER_MS
+from gateway.times import NS_PER_MS, NS_PER_US
 
 SPOILT_SILENCES: Final = 3
 """So many silences follow a spoilt frame: whoever cannot tell its length has to see where it ended."""
@@ -72,6 +76,34 @@ class Pauses:
         self.longest_ns = max(self._longest)
 
 
+class Totals:
+    """What became of the frames of one way since the start."""
+
+    __slots__ = ("ended", "gain_ns", "stored")
+
+    def __init__(self) -> None:
+        self.ended = dict.fromkeys(CutEvent, 0)
+        """How they ended, and why: COMMITTED were cut through, KEPT stored."""
+        self.stored = dict.fromkeys(CutEvent, 0)
+        """Those of them of which nothing had left."""
+        self.gain_ns = 0
+        """How much sooner all that were cut through began to leave than they were whole."""
+
+    def status(self) -> dict[str, Any]:
+        """Return what the status says: cut through, stored or spoilt, and why."""
+        whole = self.ended[CutEvent.COMMITTED]
+        return {
+            "cut_through": whole,
+            "gain_us": round(self.gain_ns / whole / NS_PER_US) if whole else None,
+            "stored": {event.value: number for event, number in self.stored.items() if number},
+            "spoilt": {
+                event.value: number - self.stored[event]
+                for event, number in self.ended.items()
+                if event is not CutEvent.COMMITTED and number > self.stored[event]
+            },
+        }
+
+
 class ForwardingLine(NamedTuple):
     """What a line does for a request that leaves while it arrives. Times are in ns."""
 
@@ -87,7 +119,7 @@ class ForwardingLine(NamedTuple):
     """It was spoilt: nothing is sent before the first instant, when the silence behind it is over."""
 
 
-class CutLine:
+class Forwarding:
     """Cut-through on one line.
 
     Args:
@@ -127,356 +159,410 @@ class CutLine:
         self.stored_units = stored_units
         self.silence_ns = max(gap_ns, SPOILT_SILENCES * wire.silence_ns)
         """After a spoilt request."""
-        self.requests = dict.fromkeys(CutEvent, 0)
-        """How requests ended, and why: COMMITTED were cut through, KEPT stored."""
-        self.replies = dict.fromkeys(CutEvent, 0)
-        self.requests_stored = dict.fromkeys(CutEvent, 0)
-        """Those of them of which nothing had left."""
-        self.replies_stored = dict.fromkeys(CutEvent, 0)
-        self.requests_gain_ns = self.replies_gain_ns = 0
-        """How much sooner all that were cut through began to leave than they were whole."""
-        self.tell_no_gain = tell_no_gain
-        self._told: set[tuple[str, str]] = set()
-        self.torn = 0
+        self.requests = Totals()
+        self.replies = Totals()
+        self.underruns = 0
         """Frames inside of which the transmitter was empty."""
         self.on_change = on_change
-        self.reply = ReplyCutter(self)
-        self._cutters: dict[ControllerPort, RequestCutter] = {}
+        self.tell_no_gain = tell_no_gain
+        self._told: set[tuple[str, str]] = set()
+        self._reply_way = ReplyWay(self)
+        self.drives = self._reply_way.forwarder
+        """Follows the replies of the drives."""
+        self._ways: dict[ControllerPort, RequestWay] = {}
 
-    def follow(self, port: ControllerPort, wire: Wire) -> "RequestCutter":
+    # --- the ports of controllers -----------------------------------------------------------------------
+
+    def follow(self, port: ControllerPort, wire: Wire) -> "Forwarder":
         """Follow the requests of a port that was opened, on its wire."""
-        cutter = self._cutters[port] = RequestCutter(self, port, wire)
-        return cutter
+        way = self._ways[port] = RequestWay(self, port, wire)
+        return way.forwarder
 
     def gone(self, port: ControllerPort, now_ns: int) -> None:
         """A port was lost."""
-        cutter = self._cutters.pop(port, None)
-        if cutter is not None:
-            cutter.end(CutEvent.GONE, now_ns)
+        way = self._ways.pop(port, None)
+        if way is not None:
+            way.forwarder.end(CutEvent.GONE, now_ns)
 
-    def of(self, port: ControllerPort | None) -> "RequestCutter | None":
-        """Return what follows the requests of a port; None: nothing does."""
-        return None if port is None else self._cutters.get(port)
+    def way_of(self, port: ControllerPort | None) -> "RequestWay | None":
+        """Return the way of the requests of a port; None: they are not followed."""
+        return None if port is None else self._ways.get(port)
 
-    def note_gain(self, controller: str, what: str, delay: MeasuredDelay) -> None:
-        """Tell once where frames that are measured would gain nothing."""
-        if delay.no_gain is None or (controller, what) in self._told:
-            return
-        self._told.add((controller, what))
-        begins_ms, whole_ms = (each / NS_PER_MS for each in delay.no_gain)
-        self.tell_no_gain(
-            f"{what} of {controller}: one of {delay.shape.length} bytes could begin to leave {begins_ms:.2f} "
-            f"ms after its first bytes came, and is whole after {whole_ms:.2f} ms"
-        )
+    # --- what the line says of its transactions ---------------------------------------------------------
 
-    def end_leaving(self, transaction: Transaction, why: CutEvent, now_ns: int) -> None:
+    def end_request(self, transaction: Transaction, why: CutEvent, now_ns: int) -> None:
         """Let no more of a request leave that is leaving."""
-        cutter = self.of(transaction.port)
-        assert cutter is not None
-        cutter.end(why, now_ns)
+        way = self.way_of(transaction.port)
+        assert way is not None
+        way.forwarder.end(why, now_ns)
+
+    def end_reply(self, why: CutEvent, now_ns: int) -> None:
+        """Nobody waits for the reply any more, or it will not come."""
+        self.drives.end(why, now_ns)
+
+    def expect(self, transaction: Transaction) -> None:
+        """The reply to a request comes next; what came of another one is over."""
+        self._reply_way.expect(transaction)
 
     def answered(self, path: FastPath, transaction: Transaction, reply: bytes, now_ns: int) -> bytes | None:
         """Return what ``path.answered`` says, which is asked once for each reply."""
-        return self.reply.turned(transaction) or path.answered(transaction, reply, now_ns)
+        return self._reply_way.turned(transaction) or path.answered(transaction, reply, now_ns)
 
     def note(self, transaction: Transaction, reply: bytes, passed: bytes | None, now_ns: int) -> None:
         """Remember a request that was answered, and how long the gateway took with it and with its reply.
 
         ``passed``: what its controller was told, if that is known: it took the fast path.
         """
-        cutter = self.of(transaction.port)
+        way = self.way_of(transaction.port)
         pdu = transaction.pdu
-        if cutter is None or transaction.added is not None:
+        if way is None or transaction.added is not None:
             return
-        asked, told = self.link.stamps, cutter.port.stamps
-        cutter.own_ns = asked.sent_ns - asked.paced_ns - (transaction.started_ns or transaction.arrived_ns)
-        self.reply.own_ns = told.sent_ns - told.paced_ns - now_ns
+        asked, told = self.link.stamps, way.port.stamps
+        way.own_ns = asked.sent_ns - asked.paced_ns - (transaction.started_ns or transaction.arrived_ns)
+        self._reply_way.own_ns = told.sent_ns - told.paced_ns - now_ns
         if reply[0] != pdu[0] or transaction.unit_id in self.stored_units:
             return
         if pdu[0] == WRITE and reply != pdu[:5]:
             return
         if passed is not None and isinstance(transaction.path, ReadPath):
-            cutter.replies.note(transaction, passed)
+            way.replies.note(transaction, passed)
         sent = _sent_pdu(transaction)
         unit_id = bytes((transaction.unit_id,))
         path = self.units.path_of(transaction.unit_id, pdu)
-        cutter.heads.note(path, unit_id + pdu, unit_id + sent)
+        way.heads.note(path, unit_id + pdu, unit_id + sent)
+
+    # --- figures ----------------------------------------------------------------------------------------
+
+    def learn(self, way: "Way", controller: str, delays: Delays, shape: Shape, frame: CutThrough) -> None:
+        """Learn from how a frame came, whatever became of it; tell once where such frames gain nothing."""
+        delay = delays.measure(shape, frame.pieces, way.own_ns, frame.written_need_ns)
+        if delay.no_gain is None or (controller, way.what) in self._told:
+            return
+        self._told.add((controller, way.what))
+        begins_ms, whole_ms = (each / NS_PER_MS for each in delay.no_gain)
+        self.tell_no_gain(
+            f"{way.what} of {controller}: one of {shape.length} bytes could begin to leave {begins_ms:.2f} "
+            f"ms after its first bytes came, and is whole after {whole_ms:.2f} ms"
+        )
+
+    def status(self) -> dict[str, Any]:
+        """Return what became of requests and replies since the start."""
+        return {
+            "requests": self.requests.status(),
+            "replies": self.replies.status(),
+            "torn": self.underruns,
+        }
 
 
-class RequestCutter:
-    """The requests of one port as they arrive."""
+class Forwarder:
+    """Frames as they arrive, the requests of one port or the replies of the drives: one after the other.
 
-    __slots__ = (
-        "_came",
-        "_cut",
-        "_cuts",
-        "_last_ns",
-        "_now_ns",
-        "_pauses",
-        "_transaction",
-        "_wire",
-        "heads",
-        "own_ns",
-        "port",
-        "replies",
-    )
+    Args:
+        way: in what these frames differ from the others.
+        forwarding: of the line.
+        in_ns: what a character takes on the wire on which they come.
+    """
 
-    def __init__(self, cuts: CutLine, port: ControllerPort, wire: Wire) -> None:
-        self.port = port
-        self.heads = Heads(wire.char_ns, cuts.wire.char_ns, margin_ns(cuts.wire.char_ns))
-        self.replies = Replies(cuts.wire.char_ns, wire.char_ns, margin_ns(wire.char_ns))
-        self._cuts = cuts
-        self._wire = wire
-        self._pauses = Pauses(wire.char_ns)
-        self._cut: CutThrough | None = None
-        self._transaction: Transaction | None = None
-        """The request that is leaving."""
+    __slots__ = ("_came", "_forwarding", "_frame", "_last_ns", "_now_ns", "_pauses", "_way")
+
+    def __init__(self, way: "Way", forwarding: Forwarding, in_ns: int) -> None:
+        self._way = way
+        self._forwarding = forwarding
+        self._pauses = Pauses(in_ns)
+        self._frame: CutThrough | None = None
+        """The one that arrives, or came last. None: of the one that arrives nothing leaves early."""
         self._came: CutThrough | None = None
         """One that came whole, and from which the port has not learned yet."""
-        self.own_ns = 0
-        """So long the gateway took between reading and writing the last request that was answered."""
         self._last_ns = 0
-        """When its last byte came."""
+        """When the last bytes came."""
         self._now_ns = 0
-
-    @property
-    def wire(self) -> Wire:
-        """On which they come."""
-        return self._wire
 
     @property
     def deadline_ns(self) -> int | None:
         """When :meth:`tick` wants to be called."""
-        return None if self._cut is None else self._cut.deadline_ns
+        return None if self._frame is None else self._frame.deadline_ns
 
     def feed(self, data: bytes, now_ns: int, *, is_fresh: bool) -> bool:
-        """Take bytes, before the decoder does; return whether they ended a request that has left with them.
+        """Take bytes, before the decoder does; return whether they ended a frame that has left with them.
 
-        The decoder gives that one too; it is not to be sent again. ``is_fresh``: no bytes wait in there.
+        The decoder gives that one too; a request is not to be sent again. ``is_fresh``: no bytes wait in
+        there, and of the drives a reply begins with these.
         """
         silent_ns, self._last_ns, self._now_ns = now_ns - self._last_ns, now_ns, now_ns
-        if is_fresh and silent_ns >= self._wire.silence_ns:
-            if self._cut is not None and self._cut.is_on_the_way:
+        if is_fresh and self._way.begins(silent_ns, self._frame):
+            if self._frame is not None and self._frame.is_on_the_way:
                 # Nobody looked for so long that the decoder gave the rest of it up before the guard rang.
                 self.end(CutEvent.STALLED, now_ns)
-            self._begin()
-        cut = self._cut
-        if cut is None:
+            self._learn()
+            self._frame = self._way.begin(self._pauses.longest_ns, self._happened)
+        frame = self._frame
+        if frame is None:
             return False
-        was, was_known = cut.state, cut.arrival.known
-        out = cut.feed(data, now_ns)
-        if was_known is not Known.GOOD and cut.arrival.known is Known.GOOD:
-            self._came = cut
-        return self._go_on(cut, was, out)
+        was, was_known = frame.state, frame.arrival.known
+        out = frame.feed(data, now_ns)
+        if was_known is not Known.GOOD and frame.arrival.known is Known.GOOD:
+            self._came = frame
+        return self._go_on(frame, was, out)
 
     def tick(self, now_ns: int) -> None:
         """Do what has fallen due."""
-        cut = self._cut
-        if cut is not None:
+        frame = self._frame
+        if frame is not None:
             self._now_ns = now_ns
-            self._go_on(cut, cut.state, cut.tick(now_ns))
+            self._go_on(frame, frame.state, frame.tick(now_ns))
 
     def end(self, why: CutEvent, now_ns: int) -> None:
-        """Let no more leave of the request that arrives; it takes the usual way, if all of it comes."""
-        cut = self._cut
-        if cut is not None:
+        """Let no more leave of the frame that arrives. A request takes the usual way, if all of it comes."""
+        frame = self._frame
+        if frame is not None:
             self._now_ns = now_ns
-            self._go_on(cut, cut.state, cut.end(why, now_ns))
+            self._go_on(frame, frame.state, frame.end(why, now_ns))
 
-    @property
-    def _stall_ns(self) -> int:
-        return self._wire.pause_ns + self._pauses.longest_ns
+    def drop(self) -> None:
+        """What came is over, and nothing more leaves of it."""
+        self._frame = None
 
-    def _begin(self) -> None:
-        self._learn()
-        cuts = self._cuts
-        judge = RequestJudge(self.port, cuts.units, self.heads, self._may_forward, cuts.line.commit)
-        pace = Pace(cuts.wire.char_ns, self._stall_ns, guard_ns(cuts.wire.char_ns))
-        self._cut = CutThrough(RequestArrival(), judge, pace, self._turned)
-
-    def _may_forward(self) -> bool:
-        return self._cuts.line.may_forward(self.port, self._now_ns)
-
-    def _turned(self, event: CutEvent) -> None:
-        cut, cuts = self._cut, self._cuts
-        assert cut is not None
+    def _happened(self, event: CutEvent) -> None:
+        """Take note of a step of the frame that arrives, in the middle of it."""
+        frame = self._frame
+        assert frame is not None
         if event is CutEvent.OPENED:
-            self._transaction = cuts.line.begin(self.port, cut.expected, self._now_ns)
-        elif not CUT_AFTER[cut.state]:
-            cuts.requests[event] += 1
-            cuts.requests_stored[event] += cut.state is Cut.STORED
-            if cut.state is Cut.WHOLE:
-                cuts.requests_gain_ns += self._now_ns - cut.began_ns
-                self.heads.pay(cut.expected, self._now_ns - cut.began_ns)
-            elif cut.state is Cut.SPOILT and event in WASTED:
-                self.heads.pay(cut.expected, -(cuts.silence_ns + len(cut.expected) * cuts.wire.char_ns))
+            self._way.opened(frame.expected, self._now_ns)
+        elif frame.is_over:
+            totals = self._way.totals
+            totals.ended[event] += 1
+            totals.stored[event] += frame.state is Cut.STORED
+            if frame.state is Cut.WHOLE:
+                gain_ns = self._now_ns - frame.began_ns
+                totals.gain_ns += gain_ns
+                self._way.gained(frame.expected, gain_ns)
+            elif frame.state is Cut.SPOILT and event in WASTED:
+                self._way.wasted(frame.expected)
 
-    def _go_on(self, cut: CutThrough, was: Cut, out: bytes) -> bool:
+    def _go_on(self, frame: CutThrough, was: Cut, out: bytes) -> bool:
         """Write what leaves; return whether all of it has left with its own check sum."""
-        if not out and cut.state is was:
+        if not out and frame.state is was:
             return False
-        cuts, transaction, is_whole = self._cuts, self._transaction, cut.state is Cut.WHOLE
-        if transaction is not None and is_whole:
-            cuts.line.forward_last(transaction, cut.left[0], cut.left[1:-CRC_BYTES], out, self._now_ns)
-        elif transaction is not None and out:
-            cuts.transactions.send(transaction, Step.PIECE, cut.left[0], b"", self._now_ns, piece=out)
-        stamps = cuts.link.stamps
         if out:
-            cut.written(len(out), stamps.ready_ns, stamps.sent_ns)
-        if not CUT_AFTER[cut.state]:
-            self._transaction = None
-            cuts.torn += cut.gap_ns > 0
-        if cut.state is Cut.SPOILT:
-            # Counted from the writing: between reading and writing the process may have stood still.
-            written_ns = stamps.sent_ns + len(out) * cuts.wire.char_ns
-            cuts.line.spoilt(max(cut.empty_ns, written_ns) + cuts.silence_ns, self._now_ns)
-        cuts.on_change()
-        return is_whole
+            stamps = self._way.send(frame, out, self._now_ns)
+            frame.written(len(out), stamps.ready_ns, stamps.sent_ns)
+        if frame.is_over:
+            self._forwarding.underruns += frame.gap_ns > 0
+            self._way.ended(frame, out, self._now_ns)
+        self._forwarding.on_change()
+        return frame.state is Cut.WHOLE
 
     def _learn(self) -> None:
-        """Learn from the request before, when the next one begins: nothing that leaves waits for it."""
-        cut, self._came = self._came, None
-        if cut is None:
-            return
-        self._pauses.note(cut.pieces)
-        frame = cut.arrival.data
-        shape = shape_of(self._cuts.units.path_of(frame[0], frame[1:-CRC_BYTES]), frame)
+        """Learn from the frame before, when the next one begins: nothing that leaves waits for it."""
+        frame, self._came = self._came, None
+        if frame is not None:
+            self._pauses.note(frame.pieces)
+            self._way.learn(frame)
+
+
+class Way:
+    """In what requests and replies differ: what is expected, who judges, where bytes go, what is learned.
+
+    Args:
+        forwarding: of the line.
+        what: goes this way, in a word.
+        totals: what became of them.
+        in_ns: what a character takes on the wire on which they come.
+    """
+
+    __slots__ = ("forwarder", "forwarding", "own_ns", "totals", "what")
+
+    def __init__(self, forwarding: Forwarding, what: str, totals: Totals, in_ns: int) -> None:
+        self.forwarding = forwarding
+        self.what = what
+        self.totals = totals
+        self.forwarder = Forwarder(self, forwarding, in_ns)
+        self.own_ns = 0
+        """So long the gateway took between reading and writing the last one that was answered."""
+
+    def begins(self, silent_ns: int, frame: CutThrough | None) -> bool:
+        """Whether a frame begins that comes after a silence, and after this frame."""
+        raise NotImplementedError
+
+    def begin(self, longest_ns: int, on_event: Callable[[CutEvent], None]) -> CutThrough | None:
+        """Return a frame that begins; None: nothing of it leaves early.
+
+        ``longest_ns``: so far apart its pieces come.
+        """
+        raise NotImplementedError
+
+    def opened(self, expected: bytes, now_ns: int) -> None:
+        """A frame begins to leave."""
+
+    def send(self, frame: CutThrough, piece: bytes, now_ns: int) -> Stamps:
+        """Let a piece of a frame leave, the last one if it is whole; return when that was."""
+        raise NotImplementedError
+
+    def gained(self, expected: bytes, gain_ns: int) -> None:
+        """A frame was cut through, and has left so much sooner than stored."""
+
+    def wasted(self, expected: bytes) -> None:
+        """A frame was spoilt that stored would have left whole."""
+        raise NotImplementedError
+
+    def ended(self, frame: CutThrough, filling: bytes, now_ns: int) -> None:
+        """Nothing more of a frame leaves; ``filling``: the bytes that have left last."""
+        raise NotImplementedError
+
+    def learn(self, frame: CutThrough) -> None:
+        """Learn from a frame that came whole, whatever became of it."""
+        raise NotImplementedError
+
+
+class RequestWay(Way):
+    """The way of the requests of one port to the drives."""
+
+    __slots__ = ("_transaction", "heads", "port", "replies", "wire")
+
+    def __init__(self, forwarding: Forwarding, port: ControllerPort, wire: Wire) -> None:
+        super().__init__(forwarding, "requests", forwarding.requests, wire.char_ns)
+        drives = forwarding.wire
+        self.port = port
+        self.wire = wire
+        """On which they come."""
+        self.heads = Heads(Delays(wire.char_ns, drives.char_ns, margin_ns(drives.char_ns)))
+        self.replies = Replies(Delays(drives.char_ns, wire.char_ns, margin_ns(wire.char_ns)))
+        """What the port is answered."""
+        self._transaction: Transaction | None = None
+        """The request that is leaving."""
+
+    def begins(self, silent_ns: int, frame: CutThrough | None) -> bool:
+        """See ``Way``."""
+        return silent_ns >= self.wire.silence_ns
+
+    def begin(self, longest_ns: int, on_event: Callable[[CutEvent], None]) -> CutThrough | None:
+        """See ``Way``."""
+        forwarding = self.forwarding
+        line = forwarding.line
+        judge = RequestJudge(self.port, forwarding.units, self.heads, line.may_forward, line.commit)
+        pace = _pace(self.wire, forwarding.wire, longest_ns)
+        return CutThrough(RequestArrival(), judge, pace, on_event)
+
+    def opened(self, expected: bytes, now_ns: int) -> None:
+        """See ``Way``."""
+        self._transaction = self.forwarding.line.begin(self.port, expected, now_ns)
+
+    def send(self, frame: CutThrough, piece: bytes, now_ns: int) -> Stamps:
+        """See ``Way``."""
+        forwarding, transaction, left = self.forwarding, self._transaction, frame.left
+        if transaction is not None and frame.state is Cut.WHOLE:
+            forwarding.line.forward_last(transaction, left[0], left[1:-CRC_BYTES], piece, now_ns)
+        elif transaction is not None:
+            forwarding.transactions.send(transaction, Step.PIECE, left[0], b"", now_ns, piece=piece)
+        return forwarding.link.stamps
+
+    def gained(self, expected: bytes, gain_ns: int) -> None:
+        """See ``Way``."""
+        self.heads.pay(expected, gain_ns)
+
+    def wasted(self, expected: bytes) -> None:
+        """See ``Way``. Whoever sent it waits for what was filled up, and for the silence behind it."""
+        forwarding = self.forwarding
+        self.heads.pay(expected, -(forwarding.silence_ns + len(expected) * forwarding.wire.char_ns))
+
+    def ended(self, frame: CutThrough, filling: bytes, now_ns: int) -> None:
+        """See ``Way``."""
+        self._transaction = None
+        if frame.state is Cut.SPOILT:
+            forwarding = self.forwarding
+            # Counted from the writing: between reading and writing the process may have stood still.
+            written_ns = forwarding.link.stamps.sent_ns + len(filling) * forwarding.wire.char_ns
+            forwarding.line.spoilt(max(frame.empty_ns, written_ns) + forwarding.silence_ns, now_ns)
+
+    def learn(self, frame: CutThrough) -> None:
+        """See ``Way``."""
+        data = frame.arrival.data
+        shape = shape_of(self.forwarding.units.path_of(data[0], data[1:-CRC_BYTES]), data)
         if shape is not None:
-            delay = self.heads.measure(shape, cut.pieces, self.own_ns, cut.written_need_ns)
-            self._cuts.note_gain(self.port.name, "requests", delay)
-            self.heads.came(beginning_of(frame))
+            self.forwarding.learn(self, self.port.name, self.heads.delays, shape, frame)
+            self.heads.came(beginning_of(data))
 
 
-class ReplyCutter:
-    """The replies of the drives of one line as they arrive."""
+class ReplyWay(Way):
+    """The way of the replies of the drives to whoever asked."""
 
-    __slots__ = ("_came", "_cut", "_cuts", "_judge", "_now_ns", "_pauses", "_transaction", "own_ns")
+    __slots__ = ("_judge", "_transaction")
 
-    def __init__(self, cuts: CutLine) -> None:
-        self._cuts = cuts
-        self._pauses = Pauses(cuts.wire.char_ns)
+    def __init__(self, forwarding: Forwarding) -> None:
+        super().__init__(forwarding, "replies", forwarding.replies, forwarding.wire.char_ns)
         self._transaction: Transaction | None = None
         """Whose reply is followed."""
-        self._cut: CutThrough | None = None
-        """None: of its reply nothing leaves early."""
-        self._came: tuple[CutThrough, Transaction] | None = None
-        """One that came whole, and from which the port has not learned yet."""
-        self.own_ns = 0
-        """So long the gateway took between reading and writing the last reply."""
         self._judge: ReplyJudge | None = None
-        self._now_ns = 0
-
-    @property
-    def deadline_ns(self) -> int | None:
-        """When :meth:`tick` wants to be called."""
-        return None if self._cut is None else self._cut.deadline_ns
 
     def expect(self, transaction: Transaction) -> None:
         """The reply to a request comes next; what came of another one is over."""
-        self._transaction, self._cut, self._judge = transaction, None, None
-
-    def feed(self, data: bytes, now_ns: int, *, is_fresh: bool) -> None:
-        """Take bytes of the drives, before the decoder does. ``is_fresh``: a reply begins with them."""
-        self._now_ns = now_ns
-        if is_fresh and self._cut is None:
-            self._begin()
-        cut, transaction = self._cut, self._transaction
-        if cut is None or transaction is None:
-            return
-        was, was_known = cut.state, cut.arrival.known
-        out = cut.feed(data, now_ns)
-        if was_known is not Known.GOOD and cut.arrival.known is Known.GOOD:
-            self._came = cut, transaction
-        self._go_on(cut, was, out)
-
-    def tick(self, now_ns: int) -> None:
-        """Do what has fallen due."""
-        cut = self._cut
-        if cut is not None:
-            self._now_ns = now_ns
-            self._go_on(cut, cut.state, cut.tick(now_ns))
-
-    def end(self, why: CutEvent, now_ns: int) -> None:
-        """Nobody waits for the reply any more, or it will not come."""
-        cut = self._cut
-        if cut is not None:
-            self._now_ns = now_ns
-            self._go_on(cut, cut.state, cut.end(why, now_ns))
+        self._transaction, self._judge = transaction, None
+        self.forwarder.drop()
 
     def turned(self, transaction: Transaction) -> bytes | None:
         """Return what the reply to a request was found to say when all of it had come; None: not asked."""
         judge = self._judge
         return judge.turned if judge is not None and self._transaction is transaction else None
 
-    def _begin(self) -> None:
-        self._learn()
+    def begins(self, silent_ns: int, frame: CutThrough | None) -> bool:
+        """See ``Way``. A request has one reply."""
+        return frame is None
+
+    def begin(self, longest_ns: int, on_event: Callable[[CutEvent], None]) -> CutThrough | None:
+        """See ``Way``."""
         transaction = self._transaction
         if transaction is None or transaction.phase is not Phase.SENT or transaction.is_orphan:
-            return
-        cutter = self._cuts.of(transaction.port)
-        if cutter is None or reply_shape_of(transaction) is None:
-            return
-        self._judge = ReplyJudge(transaction, cutter.replies, self._may_forward)
-        char_ns, stall_ns = cutter.wire.char_ns, self._cuts.wire.pause_ns + self._pauses.longest_ns
-        pace = Pace(char_ns, stall_ns, guard_ns(char_ns))
-        arrival = ReplyArrival(transaction.wire_unit_id, transaction.pdu)
-        self._cut = CutThrough(arrival, self._judge, pace, self._turned)
+            return None
+        asked = self.forwarding.way_of(transaction.port)
+        if asked is None or reply_shape_of(transaction) is None:
+            return None
+        self._judge = ReplyJudge(transaction, asked.replies)
+        pace = _pace(self.forwarding.wire, asked.wire, longest_ns)
+        return CutThrough(
+            ReplyArrival(transaction.wire_unit_id, transaction.pdu), self._judge, pace, on_event
+        )
 
-    def _may_forward(self) -> bool:
-        transaction = self._transaction
+    def send(self, frame: CutThrough, piece: bytes, now_ns: int) -> Stamps:
+        """See ``Way``."""
+        transaction, tap = self._transaction, self.forwarding.tap
         assert transaction is not None
         port = transaction.port
-        return port is not None and not transaction.is_orphan and port.may_forward(self._now_ns)
-
-    def _turned(self, event: CutEvent) -> None:
-        cut, transaction = self._cut, self._transaction
-        assert cut is not None
-        if not CUT_AFTER[cut.state]:
-            cuts = self._cuts
-            cuts.replies[event] += 1
-            cuts.replies_stored[event] += cut.state is Cut.STORED
-            if cut.state is Cut.WHOLE:
-                cuts.replies_gain_ns += self._now_ns - cut.began_ns
-        if cut.state is Cut.SPOILT and event in WASTED and transaction is not None:
-            self._disappoint(transaction)
-
-    def _go_on(self, cut: CutThrough, was: Cut, out: bytes) -> None:
-        transaction = self._transaction
-        if transaction is None or (not out and cut.state is was):
-            return
-        port = transaction.port
         assert port is not None
-        if cut.state is Cut.WHOLE:
-            reply, tap = cut.left[1:-CRC_BYTES], self._cuts.tap
+        if frame.state is Cut.WHOLE:
+            reply = frame.left[1:-CRC_BYTES]
             if tap is not None:
                 tap.answered_early(port, transaction.transaction_id, transaction.unit_id, reply)
-            port.forward_last(transaction.transaction_id, transaction.unit_id, reply, out)
-        elif out:
-            port.forward(out)
-        if out:
-            cut.written(len(out), port.stamps.ready_ns, port.stamps.sent_ns)
-        if not CUT_AFTER[cut.state]:
-            self._cuts.torn += cut.gap_ns > 0
-        if cut.state is Cut.WHOLE or cut.state is Cut.SPOILT:
-            transaction.give_up()  # its controller has heard what it hears
-        self._cuts.on_change()
+            port.forward_last(transaction.transaction_id, transaction.unit_id, reply, piece)
+        else:
+            port.forward(piece)
+        return port.stamps
 
-    def _disappoint(self, transaction: Transaction) -> None:
-        """A spoilt reply costs its controller a repeat: such replies are stored for a while."""
-        cutter, shape = self._cuts.of(transaction.port), reply_shape_of(transaction)
-        if cutter is not None and shape is not None:
-            cutter.replies.rest(shape)
+    def wasted(self, expected: bytes) -> None:
+        """See ``Way``. It costs its controller a repeat: such replies are stored for a while."""
+        transaction = self._transaction
+        if transaction is not None:
+            asked, shape = self.forwarding.way_of(transaction.port), reply_shape_of(transaction)
+            if asked is not None and shape is not None:
+                asked.replies.rest(shape)
 
-    def _learn(self) -> None:
-        """Learn from the reply before, when the next one begins; see ``RequestCutter``."""
-        if self._came is None:
-            return
-        (cut, transaction), self._came = self._came, None
-        self._pauses.note(cut.pieces)
-        cutter, shape = self._cuts.of(transaction.port), reply_shape_of(transaction)
-        if cutter is not None and shape is not None:
-            delay = cutter.replies.measure(shape, cut.pieces, self.own_ns, cut.written_need_ns)
-            self._cuts.note_gain(cutter.port.name, "replies", delay)
+    def ended(self, frame: CutThrough, filling: bytes, now_ns: int) -> None:
+        """See ``Way``."""
+        if self._transaction is not None and (frame.state is Cut.WHOLE or frame.state is Cut.SPOILT):
+            self._transaction.give_up()  # its controller has heard what it hears
+
+    def learn(self, frame: CutThrough) -> None:
+        """See ``Way``."""
+        judge = frame.judge
+        assert isinstance(judge, ReplyJudge)
+        asked, shape = self.forwarding.way_of(judge.transaction.port), reply_shape_of(judge.transaction)
+        if asked is not None and shape is not None:
+            self.forwarding.learn(self, asked.port.name, asked.replies.delays, shape, frame)
+            asked.replies.came(shape)
+
+
+def _pace(comes_on: Wire, leaves_on: Wire, longest_ns: int) -> Pace:
+    """Return how fast a frame leaves whose pieces come so far apart at most, and what is too slow."""
+    return Pace(leaves_on.char_ns, comes_on.pause_ns + longest_ns, guard_ns(leaves_on.char_ns))
 
 
 def _sent_pdu(transaction: Transaction) -> bytes:

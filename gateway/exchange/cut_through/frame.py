@@ -242,7 +242,6 @@ class CutThrough:
     """
 
     __slots__ = (
-        "_judge",
         "_last_came_ns",
         "_left_ns",
         "_off_ns",
@@ -256,6 +255,7 @@ class CutThrough:
         "began_ns",
         "empty_ns",
         "gap_ns",
+        "judge",
         "left",
         "pieces",
         "state",
@@ -284,7 +284,7 @@ class CutThrough:
         written, so that the transmitter is never empty. 0: it left in one, or not from here."""
         self.pieces: list[Piece] = []
         """How it came."""
-        self._judge = judge
+        self.judge = judge
         self._pace = pace
         self._on_event = on_event
         self._opening: Opening | None = None
@@ -421,7 +421,7 @@ class CutThrough:
             self._go_on(CutEvent.STALLED)  # it would have to be spoilt as soon as it had begun
             return False
         # Each time anew: what it was expected to be before its delay was over may be another thing now.
-        self._opening = self._judge.opening(self.arrival.data, now_ns)
+        self._opening = self.judge.opening(self.arrival.data, now_ns)
         if self._opening is None or now_ns < self._opens_ns or not self._piece():
             return False
         # What is known by now to be another one, or to be refused, need not be spoilt: nothing has left.
@@ -435,7 +435,7 @@ class CutThrough:
     def _is_expected(self) -> bool:
         assert self._opening is not None
         arrival, opening = self.arrival, self._opening
-        return arrival.length == opening.shape.length and self._judge.fits(opening, arrival.data)
+        return arrival.length == opening.shape.length and self.judge.fits(opening, arrival.data)
 
     def _judge_positions(self, now_ns: int) -> bool:
         """Have the positions judged that have come; return whether all of them may leave."""
@@ -445,7 +445,7 @@ class CutThrough:
         for gate in judged[self._rendered :]:
             if len(come) < gate.needs:
                 break
-            words = self._judge.rendered(come[: gate.needs], gate.first, gate.needs, now_ns)
+            words = self.judge.rendered(come[: gate.needs], gate.first, gate.needs, now_ns)
             if words is None:
                 return False
             self._out += come[len(self._out) : gate.first] + words
@@ -473,7 +473,7 @@ class CutThrough:
         body = self.arrival.length - CRC_BYTES
         came = self.arrival.data[:body]
         out = self._out + came[len(self._out) :]
-        if not self._judge.commits(came, out, now_ns):
+        if not self.judge.commits(came, out, now_ns):
             return self.end(CutEvent.CHANGED, now_ns)
         self._go_on(CutEvent.COMMITTED)
         whole = out + residue_after(out).to_bytes(CRC_BYTES, "little")

@@ -9,14 +9,12 @@ leave (``ReplyArrival``); an acknowledgement of other registers than were writte
 have left, and passed on whole where none has.
 """
 
-from collections.abc import Callable, Sequence
 from typing import Final
 
 from gateway.exchange.cut_through.delay import (
     COUNT_KNOWN,
     FUNCTION_KNOWN,
-    MeasuredDelay,
-    Piece,
+    Delays,
     Shape,
     acknowledgement_shape,
     reply_shape,
@@ -49,22 +47,14 @@ def reply_shape_of(transaction: Transaction) -> Shape | None:
 
 
 class Replies:
-    """What the requests of one port were last answered, and how late each shape has to begin to leave.
+    """What the requests of one port were last answered, and how late each shape has to begin to leave."""
 
-    Args:
-        in_ns: what a character takes on the wire of the drives.
-        out_ns: and on the controller's.
-        margin_ns: see ``MeasuredDelay``.
-    """
+    __slots__ = ("_passed", "_stored", "delays")
 
-    __slots__ = ("_delays", "_in_ns", "_margin_ns", "_out_ns", "_passed", "_stored")
-
-    def __init__(self, in_ns: int, out_ns: int, margin_ns: int) -> None:
-        self._in_ns = in_ns
-        self._out_ns = out_ns
-        self._margin_ns = margin_ns
+    def __init__(self, delays: Delays) -> None:
+        self.delays = delays
+        """From the wire of the drives to the controller's."""
         self._passed: dict[tuple[int, bytes], bytes] = {}
-        self._delays: dict[Shape, MeasuredDelay] = {}
         self._stored: dict[Shape, int] = {}
         """How many more of a shape are stored."""
 
@@ -75,18 +65,11 @@ class Replies:
             self._passed.clear()
         self._passed[key] = passed
 
-    def measure(
-        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0
-    ) -> MeasuredDelay:
-        """Learn from how a reply came, whatever became of it; return what is known now."""
-        delay = self._delays.get(shape)
-        if delay is None:
-            delay = self._delays[shape] = MeasuredDelay(shape, self._in_ns, self._out_ns, self._margin_ns)
-        delay.note(pieces, own_ns, written_need_ns)
+    def came(self, shape: Shape) -> None:
+        """A reply of a shape came whole, whatever became of it."""
         left = self._stored.pop(shape, 0) - 1
         if left > 0:
             self._stored[shape] = left
-        return delay
 
     def rest(self, shape: Shape) -> None:
         """One of a shape was spoilt: the next ones are stored."""
@@ -95,8 +78,8 @@ class Replies:
     def opening(self, transaction: Transaction) -> Opening | None:
         """Return what the reply to what is on the wire is expected to be; None: it is stored."""
         shape = reply_shape_of(transaction)
-        delay = None if shape is None else self._delays.get(shape)
-        if shape is None or delay is None or delay.delay_ns is None or shape in self._stored:
+        delay_ns = None if shape is None else self.delays.of(shape)
+        if shape is None or delay_ns is None or shape in self._stored:
             return None
         path = transaction.path
         if isinstance(path, WritePath):
@@ -104,7 +87,7 @@ class Replies:
         else:
             expected = self._passed.get((transaction.unit_id, transaction.pdu), b"")
         filler = bytes((transaction.unit_id,)) + expected
-        return Opening(shape, delay.delay_ns, filler) if len(filler) == shape.length - 2 else None
+        return Opening(shape, delay_ns, filler) if len(filler) == shape.length - 2 else None
 
 
 class ReplyJudge(Judge):
@@ -113,15 +96,13 @@ class ReplyJudge(Judge):
     Args:
         transaction: what is on the wire.
         replies: what is known of the replies of its port.
-        may_forward: whether the controller waits for it still, and its wire is free.
     """
 
-    __slots__ = ("_may_forward", "_replies", "_transaction", "_turned", "turned")
+    __slots__ = ("_replies", "_turned", "transaction", "turned")
 
-    def __init__(self, transaction: Transaction, replies: Replies, may_forward: Callable[[], bool]) -> None:
-        self._transaction = transaction
+    def __init__(self, transaction: Transaction, replies: Replies) -> None:
+        self.transaction = transaction
         self._replies = replies
-        self._may_forward = may_forward
         self._turned = 0
         """Positions that were turned back."""
         self.turned: bytes | None = None
@@ -129,13 +110,19 @@ class ReplyJudge(Judge):
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """See ``Judge``."""
-        path = self._transaction.path
+        path = self.transaction.path
         known_by = FUNCTION_KNOWN if isinstance(path, WritePath) else COUNT_KNOWN
-        if len(begun) < known_by or not self._may_forward():
+        if len(begun) < known_by or not self._may_begin(now_ns):
             return None
         if isinstance(path, ReadPath) and not path.is_sure:
             return None
-        return self._replies.opening(self._transaction)
+        return self._replies.opening(self.transaction)
+
+    def _may_begin(self, now_ns: int) -> bool:
+        """Whether its controller waits for it still, and its wire is free."""
+        transaction = self.transaction
+        port = transaction.port
+        return port is not None and not transaction.is_orphan and port.may_forward(now_ns)
 
     def fits(self, opening: Opening, begun: bytes) -> bool:
         """See ``Judge``: ``ReplyArrival`` has compared unit id, function and byte count."""
@@ -143,9 +130,9 @@ class ReplyJudge(Judge):
 
     def rendered(self, begun: bytes, first: int, end: int, now_ns: int) -> bytes | None:
         """See ``Judge``."""
-        path = self._transaction.path
+        path = self.transaction.path
         assert isinstance(path, ReadPath)
-        words = path.turned(self._transaction, self._turned, begun[first:end])
+        words = path.turned(self.transaction, self._turned, begun[first:end])
         self._turned += 1
         return words
 
@@ -154,7 +141,7 @@ class ReplyJudge(Judge):
 
         Where something has come to another result meanwhile only its controller has not heard of it.
         """
-        path = self._transaction.path
+        path = self.transaction.path
         assert path is not None
-        self.turned = path.answered(self._transaction, frame[1:], now_ns)
+        self.turned = path.answered(self.transaction, frame[1:], now_ns)
         return self.turned == sent[1:]

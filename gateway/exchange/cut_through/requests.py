@@ -10,15 +10,14 @@ and whatever the slow path has to look at never begin like something that is exp
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through.delay import (
     ADDRESS_KNOWN,
     FUNCTION_KNOWN,
-    MeasuredDelay,
-    Piece,
+    Delays,
     Shape,
     read_shape,
     write_shape,
@@ -80,23 +79,15 @@ def beginning_of(begun: bytes) -> bytes:
 
 
 class Heads:
-    """What requests of one port begin like, and how late each shape of them has to begin to leave.
+    """What requests of one port begin like, and how late each shape of them has to begin to leave."""
 
-    Args:
-        in_ns: what a character takes on the controller's wire.
-        out_ns: and on that of the drives.
-        margin_ns: see ``MeasuredDelay``.
-    """
+    __slots__ = ("_expected", "_gains", "_stored", "delays")
 
-    __slots__ = ("_delays", "_expected", "_gains", "_in_ns", "_margin_ns", "_out_ns", "_stored")
-
-    def __init__(self, in_ns: int, out_ns: int, margin_ns: int) -> None:
-        self._margin_ns = margin_ns
-        self._in_ns = in_ns
-        self._out_ns = out_ns
+    def __init__(self, delays: Delays) -> None:
+        self.delays = delays
+        """From the controller's wire to that of the drives."""
         self._expected: dict[bytes, Expected | None] = {}
         """None: of what begins so nobody knows how it goes on."""
-        self._delays: dict[Shape, MeasuredDelay] = {}
         self._gains: dict[bytes, deque[int]] = {}
         """Of the last requests that began so: how much sooner each was through, less than 0: later."""
         self._stored: dict[bytes, int] = {}
@@ -122,16 +113,6 @@ class Heads:
         is_alike = is_new or shape is READ or (before is not None and before.sent[:BLOCK_HEAD] == head)
         is_expected = shape is not None and is_alike and is_fit_head(head)
         self._expected[beginning] = Expected(shape, sent) if shape is not None and is_expected else None
-
-    def measure(
-        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0
-    ) -> MeasuredDelay:
-        """Learn from how a request came, whatever became of it; return what is known now."""
-        delay = self._delays.get(shape)
-        if delay is None:
-            delay = self._delays[shape] = MeasuredDelay(shape, self._in_ns, self._out_ns, self._margin_ns)
-        delay.note(pieces, own_ns, written_need_ns)
-        return delay
 
     def came(self, frame: bytes) -> None:
         """A request came whole, whatever became of it."""
@@ -160,10 +141,8 @@ class Heads:
         expected = self._expected.get(beginning)
         if expected is None or beginning in self._stored:
             return None
-        delay = self._delays.get(expected.shape)
-        if delay is None or delay.delay_ns is None:
-            return None
-        return Opening(expected.shape, delay.delay_ns, expected.sent)
+        delay_ns = self.delays.of(expected.shape)
+        return None if delay_ns is None else Opening(expected.shape, delay_ns, expected.sent)
 
 
 class RequestJudge(Judge):
@@ -173,7 +152,7 @@ class RequestJudge(Judge):
         port: of its controller.
         units: the register maps of the line.
         heads: what is known of the port's requests.
-        may_forward: whether the line is free, at rest and owes nothing, and the port may ask for anything.
+        may_forward: whether the line is free, at rest and owes nothing, and a port may ask for anything.
         leaves: takes note that the request leaves, on its fast path, with the target that it carries; whether
             it may.
     """
@@ -185,7 +164,7 @@ class RequestJudge(Judge):
         port: ControllerPort,
         units: Units,
         heads: Heads,
-        may_forward: Callable[[], bool],
+        may_forward: Callable[[ControllerPort, int], bool],
         leaves: Callable[[FastPath, bytes, SteadyTarget | None, int], bytes | None],
     ) -> None:
         self._port = port
@@ -199,7 +178,7 @@ class RequestJudge(Judge):
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """See ``Judge``. A target that could not pass whatever its words are is stored, not spoilt."""
-        opening = self._heads.opening(begun) if self._may_forward() else None
+        opening = self._heads.opening(begun) if self._may_forward(self._port, now_ns) else None
         if opening is None or begun[1] != WRITE:
             return opening
         path = self._units.path_of(begun[0], opening.filler[1:])
