@@ -95,7 +95,7 @@ class Damage:
             self._write(cut.feed(data, at_ns))
             came += len(data)
             if why is not None and came >= ends_after:
-                self._write(cut.end(why, at_ns))
+                self._write(cut.go_on(why, at_ns))
             if cut.is_over:
                 break
         self._tick(cut, self.now_ns + 1000 * self.char_ns)

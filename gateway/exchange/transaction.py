@@ -477,7 +477,7 @@ class Transactions:
         """Take a step of :data:`PHASE_AFTER`; return whether there is one. If not, nothing has changed."""
         after = PHASE_AFTER[transaction.phase].get(event)
         if after is None:
-            self._tell_fault(sentence_of("transaction", transaction.phase, event))
+            self.tell_fault(sentence_of("transaction", transaction.phase, event))
             return False
         transaction.phase = after
         return True
@@ -560,11 +560,11 @@ class Transactions:
     def _after_stop(self, stop: Transaction, event: StopEvent) -> Stopping | None:
         row = STOP_AFTER[stop.stopping]
         if event not in row:
-            self._tell_fault(sentence_of("stop", stop.stopping, event))
+            self.tell_fault(sentence_of("stop", stop.stopping, event))
             return None
         return row[event]
 
-    def _tell_fault(self, sentence: str) -> None:
+    def tell_fault(self, sentence: str) -> None:
         """Tell of something that cannot be: a bug of this program."""
         self._counters.internal_faults += 1
         self._on_event(Event(EventKind.INTERNAL_FAULT, None, sentence))

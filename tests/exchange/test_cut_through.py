@@ -4,21 +4,28 @@ A character takes 1 000 ns on either side. The write of one position begins with
 and leaves 4 000 later: 3 by the arithmetic of delays (4 characters after its first bit) and one of margin.
 """
 
+from collections.abc import Callable
+
 import pytest
 
+from gateway.compiled import is_compiled
+from gateway.exchange.axis import impossible
+from gateway.exchange.axis.impossible import ImpossibleEventError
 from gateway.exchange.cut_through.delay import write_shape
 from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutEvent, CutThrough, closed, is_fit_head
 from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
-from gateway.modbus.rtu_arrival import Known
+from gateway.modbus.rtu_arrival import Known, RequestArrival
 from tests.exchange.cut_bench import (
     ACKNOWLEDGEMENT,
     HEAD,
     LAST,
+    PACE,
     READ,
     READ_REPLY,
     RENDERED,
     SENT,
     WRITE,
+    Adds,
     acknowledgement,
     characters,
     play,
@@ -192,7 +199,7 @@ def test_a_head_that_goes_on_otherwise_than_expected_is_filled_up_as_expected() 
 def test_a_stop_spoils_what_is_leaving_at_once() -> None:
     cut, _, events = write()
     play(cut, characters(WRITE[:6]))
-    assert cut.end(CutEvent.OVERTAKEN, 6400) == LAST[6:] + filled_crc(LAST)
+    assert cut.go_on(CutEvent.OVERTAKEN, 6400) == LAST[6:] + filled_crc(LAST)
     assert (cut.state, events[-1]) == (Cut.SPOILT, CutEvent.OVERTAKEN)
     assert cut.feed(WRITE[6:], 13000) == b""
     assert cut.arrival.known is Known.GOOD
@@ -214,7 +221,7 @@ def test_what_has_changed_since_it_was_judged_gets_no_check_sum() -> None:
 def test_a_lost_wire_breaks_it_off_and_nothing_more_leaves() -> None:
     cut, _, _ = write()
     play(cut, characters(WRITE[:6]))
-    assert cut.end(CutEvent.LOST, 6400) == b""
+    assert cut.go_on(CutEvent.LOST, 6400) == b""
     assert cut.state is Cut.BROKEN
     assert play(cut, [(7000, WRITE[6:])], 90000) == []
 
@@ -271,44 +278,54 @@ def test_the_filling_never_ends_a_frame() -> None:
 
 # --- the table ----------------------------------------------------------------------------------------------
 
-SPOIL = "unfit refused changed bad stalled overtaken anew met gone"
-TABLE = {
-    Cut.BEGUN: {"stored": SPOIL + " kept lost", "head": "opened"},
-    Cut.HEAD: {"spoilt": SPOIL, "leaving": "fitted", "broken": "lost"},
-    Cut.LEAVING: {"spoilt": SPOIL, "leaving": "judged", "whole": "committed", "broken": "lost"},
-    Cut.STORED: {},
-    Cut.WHOLE: {},
-    Cut.SPOILT: {},
-    Cut.BROKEN: {},
+OUTSIDE = "stalled overtaken anew met gone"
+"""What its owner, or time, ends a frame with."""
+TABLE: dict[Cut, dict[str | None, str]] = {
+    Cut.BEGUN: {"head": "opened", "stored": OUTSIDE + " kept lost"},
+    Cut.HEAD: {"leaving": "fitted", "spoilt": OUTSIDE + " unfit", "broken": "lost"},
+    Cut.LEAVING: {
+        "leaving": "judged",
+        "whole": "committed",
+        "spoilt": OUTSIDE + " unfit refused changed bad",
+        "broken": "lost",
+    },
+    Cut.STORED: {None: OUTSIDE + " lost"},
+    Cut.WHOLE: {None: OUTSIDE + " lost"},
+    Cut.SPOILT: {None: OUTSIDE + " lost"},
+    Cut.BROKEN: {None: OUTSIDE + " lost"},
 }
-"""State → where to → by what."""
+"""State → where to → by what. None: nothing happens. What is not there cannot be."""
 
 
 def test_the_table_is_the_one_that_was_meant() -> None:
     meant = {
-        state: {CutEvent(event): Cut(after) for after, events in rows.items() for event in events.split()}
+        state: {
+            CutEvent(event): None if after is None else Cut(after)
+            for after, events in rows.items()
+            for event in events.split()
+        }
         for state, rows in TABLE.items()
     }
     assert {state: dict(rows) for state, rows in CUT_AFTER.items()} == meant
 
 
-def in_state(state: Cut) -> CutThrough:
+def in_state(state: Cut, on_fault: Callable[[str], None] = lambda _sentence: None) -> CutThrough:
     """Return a write that has come so far."""
-    cut, _, _ = write()
+    cut = CutThrough(RequestArrival(), Adds(), PACE, on_fault=on_fault)
+    if state is Cut.STORED:
+        cut.go_on(CutEvent.GONE, 0)
+        return cut
     bytes_of = {Cut.BEGUN: 4, Cut.HEAD: 6, Cut.LEAVING: 8, Cut.WHOLE: 13}
     play(cut, characters(WRITE[: bytes_of.get(state, 6)]))
-    if state is Cut.STORED:
-        cut, _, _ = write()
-        cut.end(CutEvent.GONE, 0)
-    elif state is Cut.SPOILT:
-        cut.end(CutEvent.GONE, 6000)
+    if state is Cut.SPOILT:
+        cut.go_on(CutEvent.GONE, 6000)
     elif state is Cut.BROKEN:
-        cut.end(CutEvent.LOST, 6000)
+        cut.go_on(CutEvent.LOST, 6000)
     assert cut.state is state
     return cut
 
 
-ENDS = [each for each in CutEvent if each.value in SPOIL.split()]
+ENDS = [CutEvent(each) for each in OUTSIDE.split()]
 
 
 @pytest.mark.parametrize("why", [*ENDS, CutEvent.LOST])
@@ -316,8 +333,8 @@ ENDS = [each for each in CutEvent if each.value in SPOIL.split()]
 def test_each_end_in_each_state(state: Cut, why: CutEvent) -> None:
     cut = in_state(state)
     before = cut.left
-    filling = cut.end(why, 8100)
-    if state in (Cut.BEGUN, *[each for each in Cut if not CUT_AFTER[each]]):
+    filling = cut.go_on(why, 8100)
+    if state not in (Cut.HEAD, Cut.LEAVING):
         assert (filling, cut.left) == (b"", before)
         assert cut.state is (Cut.STORED if state is Cut.BEGUN else state)
     elif why is CutEvent.LOST:
@@ -329,6 +346,35 @@ def test_each_end_in_each_state(state: Cut, why: CutEvent) -> None:
     assert cut.deadline_ns is None
     # Whatever comes from now on, nothing more leaves.
     assert play(cut, [(9000, WRITE), (20000, WRITE)], 90000) == []
+
+
+IMPOSSIBLE = [(state, event) for state in Cut for event in CutEvent if event not in CUT_AFTER[state]]
+
+
+@pytest.mark.parametrize(("state", "event"), IMPOSSIBLE)
+def test_what_cannot_be_is_raised_in_a_test(state: Cut, event: CutEvent) -> None:
+    cut = in_state(state)
+    with pytest.raises(ImpossibleEventError, match=f"cut-through: {event.value} cannot be in {state.value}"):
+        cut.go_on(event, 8100)
+
+
+@pytest.mark.parametrize(("state", "event"), IMPOSSIBLE)
+def test_what_cannot_be_is_told_at_a_machine_and_no_frame_comes_of_it(
+    state: Cut, event: CutEvent, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if is_compiled():
+        pytest.skip("the switch is no attribute of what is compiled")
+    monkeypatch.setattr(impossible, "_is_raised", False)
+    told: list[str] = []
+    cut = in_state(state, told.append)
+    before = cut.left
+    filling = cut.go_on(event, 8100)
+    assert told == [f"cut-through: {event.value} cannot be in {state.value}"]
+    assert (cut.left, cut.is_over) == (before + filling, True)
+    if state in (Cut.HEAD, Cut.LEAVING):
+        assert (len(cut.left), residue_after(cut.left), cut.state) == (13, INVERTED, Cut.SPOILT)
+    else:
+        assert (filling, cut.state) == (b"", Cut.STORED if state is Cut.BEGUN else state)
 
 
 @pytest.mark.parametrize(

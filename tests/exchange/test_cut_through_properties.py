@@ -121,7 +121,7 @@ def run(course: Course) -> Left:
         pieces.append((now_ns, cut.feed(came[at : at + together], now_ns)))
         at += together
         if course.ends is not None and at >= course.ends_after:
-            pieces.append((now_ns, cut.end(course.ends, now_ns)))
+            pieces.append((now_ns, cut.go_on(course.ends, now_ns)))
     tick_until(now_ns + 100 * CHAR_NS)
     raw = int.from_bytes(course.frame[position : position + 4], "big") + judge.counts
     body = course.frame[:position] + (raw % 2**32).to_bytes(4, "big") + course.frame[position + 4 : -2]

@@ -316,7 +316,7 @@ class Forwarder:
         frame = self._frame
         if frame is not None:
             self._now_ns = now_ns
-            self._go_on(frame, frame.state, frame.end(why, now_ns))
+            self._go_on(frame, frame.state, frame.go_on(why, now_ns))
 
     def drop(self) -> None:
         """What came is over, and nothing more leaves of it."""
@@ -441,7 +441,7 @@ class RequestWay(Way):
         line = forwarding.line
         judge = RequestJudge(self.port, forwarding.units, self.heads, line.may_forward, line.commit)
         pace = _pace(self.wire, forwarding.wire, longest_ns)
-        return CutThrough(RequestArrival(), judge, pace, on_event)
+        return CutThrough(RequestArrival(), judge, pace, on_event, forwarding.transactions.tell_fault)
 
     def opened(self, expected: bytes, now_ns: int) -> None:
         """See ``Way``."""
@@ -517,10 +517,9 @@ class ReplyWay(Way):
         if asked is None or reply_shape_of(transaction) is None:
             return None
         self._judge = ReplyJudge(transaction, asked.replies)
+        arrival = ReplyArrival(transaction.wire_unit_id, transaction.pdu)
         pace = _pace(self.forwarding.wire, asked.wire, longest_ns)
-        return CutThrough(
-            ReplyArrival(transaction.wire_unit_id, transaction.pdu), self._judge, pace, on_event
-        )
+        return CutThrough(arrival, self._judge, pace, on_event, self.forwarding.transactions.tell_fault)
 
     def send(self, frame: CutThrough, piece: bytes, now_ns: int) -> Stamps:
         """See ``Way``."""

@@ -35,6 +35,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from gateway.compiled import mypyc_attr
+from gateway.exchange.axis.impossible import IGNORED, sentence_of
 from gateway.exchange.cut_through.delay import CRC_BYTES, Piece, Shape
 from gateway.modbus.crc import INTACT, SEAM, ends_a_frame, inverted_crc, residue_after
 from gateway.modbus.lengths import MIN_ADU
@@ -99,42 +100,57 @@ class CutEvent(Enum):
     """The wire on which it leaves was lost."""
 
 
-def _spoils(kept: Cut) -> dict[CutEvent, Cut]:
-    """Everything that ends a frame before it was whole."""
-    reasons = (
-        CutEvent.UNFIT,
-        CutEvent.REFUSED,
-        CutEvent.CHANGED,
-        CutEvent.BAD,
-        CutEvent.STALLED,
-        CutEvent.OVERTAKEN,
-        CutEvent.ANEW,
-        CutEvent.MET,
-        CutEvent.GONE,
-    )
-    return dict.fromkeys(reasons, kept)
+def _from_outside(after: Cut | None, lost: Cut | None) -> dict[CutEvent, Cut | None]:
+    """Return the rows of what its owner, or time, ends a frame with. It can come in each state."""
+    return {
+        CutEvent.STALLED: after,
+        CutEvent.OVERTAKEN: after,
+        CutEvent.ANEW: after,
+        CutEvent.MET: after,
+        CutEvent.GONE: after,
+        CutEvent.LOST: lost,
+    }
 
 
-CUT_AFTER: Final[Mapping[Cut, Mapping[CutEvent, Cut]]] = {
+CUT_AFTER: Final[Mapping[Cut, Mapping[CutEvent, Cut | None]]] = {
     Cut.BEGUN: {
-        **_spoils(Cut.STORED),
         CutEvent.OPENED: Cut.HEAD,
         CutEvent.KEPT: Cut.STORED,
-        CutEvent.LOST: Cut.STORED,
+        **_from_outside(Cut.STORED, lost=Cut.STORED),
     },
-    Cut.HEAD: {**_spoils(Cut.SPOILT), CutEvent.FITTED: Cut.LEAVING, CutEvent.LOST: Cut.BROKEN},
+    Cut.HEAD: {
+        CutEvent.FITTED: Cut.LEAVING,
+        CutEvent.UNFIT: Cut.SPOILT,
+        **_from_outside(Cut.SPOILT, lost=Cut.BROKEN),
+    },
     Cut.LEAVING: {
-        **_spoils(Cut.SPOILT),
         CutEvent.JUDGED: Cut.LEAVING,
         CutEvent.COMMITTED: Cut.WHOLE,
-        CutEvent.LOST: Cut.BROKEN,
+        CutEvent.UNFIT: Cut.SPOILT,  # its length turns out to be another one
+        CutEvent.REFUSED: Cut.SPOILT,
+        CutEvent.CHANGED: Cut.SPOILT,
+        CutEvent.BAD: Cut.SPOILT,
+        **_from_outside(Cut.SPOILT, lost=Cut.BROKEN),
     },
-    Cut.STORED: {},
-    Cut.WHOLE: {},
-    Cut.SPOILT: {},
-    Cut.BROKEN: {},
+    Cut.STORED: _from_outside(IGNORED, lost=IGNORED),
+    Cut.WHOLE: _from_outside(IGNORED, lost=IGNORED),
+    Cut.SPOILT: _from_outside(IGNORED, lost=IGNORED),
+    Cut.BROKEN: _from_outside(IGNORED, lost=IGNORED),
 }
-"""Where each state leads. Only one row leads to WHOLE."""
+"""Where each event leads. What is not there cannot be; :data:`IGNORED` changes nothing. Only one row leads to
+WHOLE."""
+SAFEST: Final[Mapping[Cut, Cut | None]] = {
+    Cut.BEGUN: Cut.STORED,
+    Cut.HEAD: Cut.SPOILT,
+    Cut.LEAVING: Cut.SPOILT,
+    Cut.STORED: IGNORED,
+    Cut.WHOLE: IGNORED,
+    Cut.SPOILT: IGNORED,
+    Cut.BROKEN: IGNORED,
+}
+"""Where what cannot be leads: what has left becomes no frame, and the request takes the usual way."""
+OVER: Final = frozenset({Cut.STORED, Cut.WHOLE, Cut.SPOILT, Cut.BROKEN})
+"""States in which nothing more of a frame leaves from here."""
 
 
 class Pace(NamedTuple):
@@ -157,6 +173,10 @@ class Opening:
     """After its first piece came; see ``MeasuredDelay``."""
     filler: bytes
     """The last one that was acknowledged, as it left, without its check sum."""
+
+
+NOT_EXPECTED: Final = Opening(Shape(0, ()), 0, b"")
+"""What a frame is expected to be of which nobody knows yet."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -239,6 +259,7 @@ class CutThrough:
         judge: decides what may leave.
         pace: how fast it leaves, and what is too slow.
         on_event: hears of each step, and why.
+        on_fault: hears a sentence of what cannot be, which is a bug.
     """
 
     __slots__ = (
@@ -246,6 +267,7 @@ class CutThrough:
         "_left_ns",
         "_off_ns",
         "_on_event",
+        "_on_fault",
         "_opening",
         "_out",
         "_pace",
@@ -268,6 +290,7 @@ class CutThrough:
         judge: Judge,
         pace: Pace,
         on_event: Callable[[CutEvent], None] = lambda _event: None,
+        on_fault: Callable[[str], None] = lambda _sentence: None,
     ) -> None:
         self.arrival = arrival
         self.state = Cut.BEGUN
@@ -287,7 +310,8 @@ class CutThrough:
         self.judge = judge
         self._pace = pace
         self._on_event = on_event
-        self._opening: Opening | None = None
+        self._on_fault = on_fault
+        self._opening = NOT_EXPECTED
         self._out = b""
         """What may leave in the place of what came, as far as that is known."""
         self._rendered = 0
@@ -308,12 +332,11 @@ class CutThrough:
     @property
     def is_over(self) -> bool:
         """Whether nothing more leaves from here."""
-        return not CUT_AFTER[self.state]
+        return self.state in OVER
 
     @property
     def expected(self) -> bytes:
         """What it was expected to be, without its check sum; of one that is on its way."""
-        assert self._opening is not None
         return self._opening.filler
 
     @property
@@ -321,23 +344,22 @@ class CutThrough:
         """When :meth:`tick` wants to be called; None: not before something else happens."""
         if self.is_on_the_way:
             return min(self._last_came_ns + self._pace.stall_ns, self.empty_ns - self._pace.guard_ns)
-        return self._opens_ns if self.state is Cut.BEGUN and self._opening is not None else None
+        return self._opens_ns if self.state is Cut.BEGUN and self._opening is not NOT_EXPECTED else None
 
     @property
     def _opens_ns(self) -> int:
-        assert self._opening is not None
         return self.pieces[0].came_ns + self._opening.delay_ns
 
     def feed(self, data: bytes, now_ns: int) -> bytes:
         """Take bytes that came, of this frame and behind it; return those that leave now."""
         if self._stands_still(now_ns):
-            self._go_on(CutEvent.STALLED)
+            self.go_on(CutEvent.STALLED, now_ns)
         due = self.tick(now_ns)
         has_more = self._take(data, now_ns) < len(data)
         if self.is_over:
             return due
         if has_more and self.is_on_the_way:
-            return due + self.end(CutEvent.ANEW, now_ns)
+            return due + self.go_on(CutEvent.ANEW, now_ns)
         return due + self._leave(now_ns)
 
     def tick(self, now_ns: int) -> bytes:
@@ -346,20 +368,25 @@ class CutThrough:
         if deadline_ns is None or now_ns < deadline_ns:
             return b""
         if self.is_on_the_way:
-            return self.end(CutEvent.STALLED, now_ns)
+            return self.go_on(CutEvent.STALLED, now_ns)
         return self._leave(now_ns)
 
-    def end(self, why: CutEvent, now_ns: int) -> bytes:
-        """Let no more of it leave; return what fills it up, where bytes of it have left already."""
-        if self.is_over:
+    def go_on(self, event: CutEvent, now_ns: int) -> bytes:
+        """Take a step of :data:`CUT_AFTER`; return what fills it up, where that spoils it."""
+        row = CUT_AFTER[self.state]
+        if event in row:
+            after = row[event]
+        else:
+            self._on_fault(sentence_of("cut-through", self.state, event))
+            after = SAFEST[self.state]
+        if after is IGNORED:
             return b""
-        self._go_on(why)
-        if self.state is not Cut.SPOILT:
+        self.state = after
+        self._on_event(event)
+        if after is not Cut.SPOILT:
             return b""
-        assert self._opening is not None
         body = self._opening.shape.length - CRC_BYTES
-        filling = closed(self.left, self._opening.filler[len(self.left) : body])
-        return self._write(filling, now_ns)
+        return self._write(closed(self.left, self._opening.filler[len(self.left) : body]), now_ns)
 
     def written(self, size: int, from_ns: int, until_ns: int) -> None:
         """Take note of when the last ``size`` bytes were written, all at once.
@@ -397,17 +424,21 @@ class CutThrough:
             return b""
         known = self.arrival.known
         if self.state is Cut.HEAD and known is not Known.BEGUN:
-            if not self._is_expected():
-                return self.end(CutEvent.UNFIT, now_ns)
-            self._go_on(CutEvent.FITTED)
+            filling = self.go_on(CutEvent.FITTED if self._is_expected() else CutEvent.UNFIT, now_ns)
+            if self.is_over:
+                return filling
         if self.state is Cut.LEAVING:
             if known is Known.ODD:
-                return self.end(CutEvent.UNFIT, now_ns)
+                return self.go_on(CutEvent.UNFIT, now_ns)
             if not self._judge_positions(now_ns):
-                return self.end(CutEvent.REFUSED, now_ns)
-            self._tell_judged()
+                return self.go_on(CutEvent.REFUSED, now_ns)
+            while self._told < self._rendered:
+                self._told += 1
+                filling = self.go_on(CutEvent.JUDGED, now_ns)
+                if self.is_over:
+                    return filling
             if known is Known.BAD:
-                return self.end(CutEvent.BAD, now_ns)
+                return self.go_on(CutEvent.BAD, now_ns)
             if known is Known.GOOD:
                 return self._commit(now_ns)
         return self._write(self._piece(), now_ns)
@@ -415,31 +446,29 @@ class CutThrough:
     def _opens(self, now_ns: int) -> bool:
         """See whether its bytes say by now that it may be cut through; return whether it begins to leave."""
         if self.arrival.is_over:
-            self._go_on(CutEvent.KEPT)
+            self.go_on(CutEvent.KEPT, now_ns)
             return False
         if self._stands_still(now_ns):
-            self._go_on(CutEvent.STALLED)  # it would have to be spoilt as soon as it had begun
+            self.go_on(CutEvent.STALLED, now_ns)  # it would have to be spoilt as soon as it had begun
             return False
         # Each time anew: what it was expected to be before its delay was over may be another thing now.
-        self._opening = self.judge.opening(self.arrival.data, now_ns)
-        if self._opening is None or now_ns < self._opens_ns or not self._piece():
+        self._opening = self.judge.opening(self.arrival.data, now_ns) or NOT_EXPECTED
+        if self._opening is NOT_EXPECTED or now_ns < self._opens_ns or not self._piece():
             return False
         # What is known by now to be another one, or to be refused, need not be spoilt: nothing has left.
         is_head_known = self.arrival.known is not Known.BEGUN
         if is_head_known and not (self._is_expected() and self._judge_positions(now_ns)):
-            self._go_on(CutEvent.KEPT)
+            self.go_on(CutEvent.KEPT, now_ns)
             return False
-        self._go_on(CutEvent.OPENED)
-        return True
+        self.go_on(CutEvent.OPENED, now_ns)
+        return self.state is Cut.HEAD
 
     def _is_expected(self) -> bool:
-        assert self._opening is not None
         arrival, opening = self.arrival, self._opening
         return arrival.length == opening.shape.length and self.judge.fits(opening, arrival.data)
 
     def _judge_positions(self, now_ns: int) -> bool:
         """Have the positions judged that have come; return whether all of them may leave."""
-        assert self._opening is not None
         come = self.arrival.data
         judged = [gate for gate in self._opening.shape.gates if gate.is_judged]
         for gate in judged[self._rendered :]:
@@ -452,14 +481,8 @@ class CutThrough:
             self._rendered += 1
         return True
 
-    def _tell_judged(self) -> None:
-        while self._told < self._rendered:
-            self._told += 1
-            self._go_on(CutEvent.JUDGED)
-
     def _piece(self) -> bytes:
         """Return what may leave now of a frame of which not all has come."""
-        assert self._opening is not None
         may = self._opening.shape.leaves(len(self.arrival.data))
         out = self._out + self.arrival.data[len(self._out) : may]
         residues = [residue_after(self.left)]
@@ -474,8 +497,10 @@ class CutThrough:
         came = self.arrival.data[:body]
         out = self._out + came[len(self._out) :]
         if not self.judge.commits(came, out, now_ns):
-            return self.end(CutEvent.CHANGED, now_ns)
-        self._go_on(CutEvent.COMMITTED)
+            return self.go_on(CutEvent.CHANGED, now_ns)
+        filling = self.go_on(CutEvent.COMMITTED, now_ns)
+        if self.state is not Cut.WHOLE:
+            return filling
         whole = out + residue_after(out).to_bytes(CRC_BYTES, "little")
         return self._write(whole[len(self.left) :], now_ns)
 
@@ -489,9 +514,3 @@ class CutThrough:
             self.left += data
             self._left_ns = now_ns
         return data
-
-    def _go_on(self, event: CutEvent) -> None:
-        after = CUT_AFTER[self.state]
-        assert event in after, f"{event.value} in state {self.state.value}"
-        self.state = after[event]
-        self._on_event(event)
