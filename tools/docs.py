@@ -196,6 +196,7 @@ PARTS: Final = {
     "stops": state_machine.stops,
     "blocks": state_machine.blocks,
     "reaches": state_machine.reaches,
+    "cuts": state_machine.cuts,
 }
 
 

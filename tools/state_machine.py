@@ -22,6 +22,7 @@ from gateway.exchange.axis.reference import (
     ReferenceEvent,
     ReferenceState,
 )
+from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutEvent
 from gateway.exchange.plan import Reference
 from gateway.exchange.silent_units import REACH_AFTER, Reach, Sign
 from gateway.exchange.transaction import PHASE_AFTER, STOP_AFTER, Phase, Step, StopEvent, Stopping
@@ -223,6 +224,12 @@ def stops() -> str:
 def reaches() -> str:
     """Return how far a unit id is from answering, what is seen of it, and where that leads."""
     return _machine(list(Reach), list(Sign), REACH_AFTER)
+
+
+def cuts() -> str:
+    """Return how far a frame has come that leaves while it arrives, and where each event leads."""
+    events = list(CutEvent)
+    return _machine(list(Cut), events, flat(CUT_AFTER), absent(CUT_AFTER, events))
 
 
 def _machine(
