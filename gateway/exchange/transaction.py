@@ -2,7 +2,7 @@
 
 Why nothing is sent twice:
 
-1. Bytes of requests reach the drives in one place, :meth:`Transactions.send`. Nothing else does.
+1. All bytes of requests leave in :meth:`Transactions.send`. Nothing else writes to the link of the drives.
 2. :class:`Phase` says how far a :class:`Transaction` has come. Each step goes through
    :meth:`Transactions.go_on`, which looks it up in :data:`PHASE_AFTER`. A step without a row is a bug:
    nothing is sent, and it is told. In tests it is raised (``axis.impossible``).
@@ -64,7 +64,7 @@ class Phase(Enum):
     PREREQUISITE = "prerequisite"
     """A frame of the gateway's own that it needs first is on the wire."""
     LEAVING = "leaving"
-    """Bytes of its own frame have left while it still arrives: it is no frame before its check sum has."""
+    """Bytes of its own frame leave while it still arrives: it is no frame before its check sum has left."""
     SENT = "sent"
     """Its own frame has left."""
     ENDED = "ended"
@@ -612,7 +612,7 @@ class Transactions:
                 return
             # The safest: of what may have reached its drive nobody knows what it did.
             outcome = Outcome.NO_REPLY if transaction.phase is Phase.SENT else Outcome.NEVER_SENT
-            transaction.phase = PHASE_AFTER[transaction.phase][outcome]
+            self.go_on(transaction, outcome)
         if outcome is Outcome.NEVER_SENT:
             if loss is not None and transaction.port is not None and not transaction.only_reads:
                 self._lose(transaction, code, loss)
