@@ -46,7 +46,6 @@ NOT_MET: Final[dict[str, str]] = {
             "row at-rest + reference-changed",
             "row at-rest + stopped",
             "row superseded + stopped",
-            "row in-window + reference-changed",
         ),
         NO_WAY,
     ),
