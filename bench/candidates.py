@@ -68,7 +68,7 @@ def _direct(_processes: Processes, _tools: Tools, drive: int) -> Way:
 def _c_relay(processes: Processes, tools: Tools, drive: int) -> Way:
     port = free_port()
     command: Command = [tools.programs.relay, f"listen:{port}", f"tcp:127.0.0.1:{drive}"]
-    return Way.tcp(port, pid=processes.start("relay-in-c", command, cpus=tools.relay_cpus).pid)
+    return Way.tcp(port, pids=(processes.start("relay-in-c", command, cpus=tools.relay_cpus).pid,))
 
 
 def socat_program() -> str:
@@ -113,7 +113,7 @@ def _gateway(*, points: int = 201, is_compiled: bool = False) -> Start:
         name = f"gateway{'-compiled' if is_compiled else ''}-{points}"
         packages = tools.packages(is_compiled=is_compiled)
         gateway = start_gateway(processes, name, setup, cpus=tools.relay_cpus, packages=packages)
-        return Way.tcp(port, pid=gateway.relay_pid)
+        return Way.tcp(port, pids=(gateway.relay_pid,))
 
     return start
 
