@@ -119,7 +119,9 @@ def _measured(
                 Section(name, [f"Could not be measured: {error}"], goals=[unmeasured], is_measured=False)
             )
         SO_FAR.write_text(json.dumps(_plain(sections, []), indent=1, ensure_ascii=False) + "\n")
-    facts = machine.machine() + machine.versions(python) + machine.how_and_when() + disturbance.facts()
+    calls = machine.system_calls(programs.calls, bench.processors.one)
+    own = [("its own system calls", machine.system_calls_in_words(calls))]
+    facts = machine.machine() + own + machine.versions(python) + machine.how_and_when() + disturbance.facts()
     return sections, facts, python
 
 

@@ -232,6 +232,17 @@ def test_the_wire_carries_bytes_both_ways_and_says_where_it_was_silent_inside_of
     assert all(at_ns > 0 and 0 < pause_ns < 875_000 for at_ns, pause_ns in json.loads(said))
 
 
+def test_how_fast_system_calls_are(programs: Programs) -> None:
+    done = subprocess.run(
+        [str(programs.calls), "3"], capture_output=True, text=True, check=True, timeout=PATIENCE_S
+    )
+    taken_ns = json.loads(done.stdout)
+    assert list(taken_ns) == ["getppid", "pipe", "epoll", "process"]
+    # Two calls take longer than one that does nothing, and another process longer than two calls.
+    assert 0 < taken_ns["getppid"] < taken_ns["pipe"] < taken_ns["process"]
+    assert taken_ns["getppid"] < taken_ns["epoll"]
+
+
 def waits_of(pid: int) -> int:
     """How often a process has waited for something so far."""
     status = Path(f"/proc/{pid}/status").read_text()
