@@ -118,6 +118,26 @@ def _gateway(*, points: int = 201, is_compiled: bool = False) -> Start:
     return start
 
 
+def _whole_gateway(*, is_compiled: bool = False) -> Start:
+    """Both processes, as an installation has them: with the page, which nobody looks at."""
+
+    def start(processes: Processes, tools: Tools, drive: int) -> Way:
+        port, page_port = free_port(), free_port()
+        line = LineSetup((Controller(tcp_port=port),), drive_port=drive)
+        name = f"gateway-whole{'-compiled' if is_compiled else ''}"
+        gateway = start_gateway(
+            processes,
+            name,
+            GatewaySetup((line,), http_port=page_port),
+            is_whole=True,
+            cpus=tools.relay_cpus,
+            packages=tools.packages(is_compiled=is_compiled),
+        )
+        return Way.tcp(port, pids=gateway.pids_once_whole(page_port))
+
+    return start
+
+
 TCP_CANDIDATES: Final[dict[str, Start]] = {
     DIRECT: _direct,
     C_RELAY: _c_relay,
@@ -128,6 +148,14 @@ TCP_CANDIDATES: Final[dict[str, Start]] = {
     COMPILED + WITHOUT_TABLE: _gateway(points=0, is_compiled=True),
     MODBUS_PROXY: _modbus_proxy,
     PYMODBUS: _pymodbus,
+}
+
+WHOLE_CANDIDATES: Final[dict[str, Start]] = {
+    DIRECT: _direct,
+    C_RELAY: _c_relay,
+    SOCAT: _socat,
+    GATEWAY: _whole_gateway(),
+    COMPILED: _whole_gateway(is_compiled=True),
 }
 
 

@@ -20,6 +20,14 @@ from bench.processes import pinned
 Facts = list[tuple[str, str]]
 COMPARED_PACKAGES: Final = ("modbus-proxy", "pymodbus", "matplotlib")
 
+SYSTEM_CALLS: Final = {
+    "getppid": "getppid",
+    "pipe": "through a pipe",
+    "epoll": "by epoll",
+    "process": "to another process and back",
+}
+"""What ``c/calls.c`` times, in words."""
+
 
 def machine() -> Facts:
     """Return processor, kernel and what else decides about latencies."""
@@ -49,13 +57,9 @@ def system_calls_in_words(calls: dict[str, float]) -> str:
     """Return them as half a sentence.
 
     >>> system_calls_in_words({"getppid": 0.165, "pipe": 0.68, "epoll": 1.067, "process": 13.07})
-    'getppid 0.17 µs, through a pipe 0.68, by epoll 1.07, to another process and back 13.07'
+    'getppid 0.17, through a pipe 0.68, by epoll 1.07, to another process and back 13.07 µs'
     """
-    named = {
-        "getppid": "getppid {:.2f} µs", "pipe": "through a pipe {:.2f}", "epoll": "by epoll {:.2f}",
-        "process": "to another process and back {:.2f}",
-    }  # fmt: skip
-    return ", ".join(words.format(calls[name]) for name, words in named.items())
+    return ", ".join(f"{SYSTEM_CALLS[name]} {us:.2f}" for name, us in calls.items()) + " µs"
 
 
 def versions(compared_python: Path) -> Facts:
