@@ -73,10 +73,11 @@ def start_gateway(
     is_whole: bool = False,
     cpus: Iterable[int] | None = None,
     packages: Path = ROOT,
+    under: Sequence[str] = (),
 ) -> Gateway:
     """Start a gateway: the relay alone where there is such a command, with ``is_whole`` both processes.
 
-    ``packages``: the folder from which it is imported.
+    ``packages``: the folder from which it is imported. ``under``: a program that runs it.
 
     Raises:
         BenchError: its configuration is refused.
@@ -85,7 +86,7 @@ def start_gateway(
     is_alone = not is_whole and has_command("relay")
     _ask(gateway_command("check", *(["--compile"] if is_alone else []), config))
     command = "relay" if is_alone else "run"
-    words = gateway_command(command, config)
+    words = [*under, *gateway_command(command, config)]
     return Gateway(processes.start(name, words, cpus=cpus, packages=packages), config, command)
 
 

@@ -120,14 +120,14 @@ class Meter:
         said: dict[str, int] = json.loads(done.stdout)
         return said, values[1::2].tolist()
 
-    def wait_until_serving(self, way: Way, units: Iterable[int] = (1,)) -> None:
+    def wait_until_serving(self, way: Way, units: Iterable[int] = (1,), patience_s: float = START_S) -> None:
         """Ask until the first good reply.
 
         Raises:
-            BenchError: there is none in ``START_S``.
+            BenchError: there is none in ``patience_s``.
         """
         one = Load(1, warmup=0, units=tuple(units), timeout_ms=500)
-        until = time.monotonic() + START_S
+        until = time.monotonic() + patience_s
         while True:
             done = self._load(way, replace(one, kind="read"), None)
             if not done.returncode:

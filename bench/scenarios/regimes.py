@@ -6,7 +6,7 @@ exchange of a controller with a period begins cold.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final
 
@@ -14,6 +14,7 @@ from bench import machine
 from bench.candidates import C_RELAY, COMPILED, DIRECT, GATEWAY, SOCAT, WHOLE_CANDIDATES
 from bench.context import ANYWHERE, ON_ONE, Bench, Cpus
 from bench.figures import Interval, Series, added_ratio, over_rounds, ratio
+from bench.instructions import by_callgrind, callgrind_refusal, counted, counter_refusal
 from bench.measuring import Load, Way, start_drive
 from bench.processes import Processes, cpu_ns
 from bench.results import Goal, Section, Table, latency_table
@@ -54,6 +55,8 @@ class Found:
     costs: Mapping[str, Series]
     at_rest_us: Mapping[str, float]
     """Processor time of each candidate in a second in which nobody asks."""
+    instructions: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Instructions of user mode of an exchange, by regime and candidate, as far as they could be counted."""
 
 
 def run(bench: Bench) -> Section:
@@ -71,7 +74,9 @@ def run(bench: Bench) -> Section:
         ("the machine's own system calls", "µs"),
         tuple((machine.SYSTEM_CALLS[name], f"{us:.2f}") for name, us in calls.items()),
     ))  # fmt: skip
-    judged = _measured(bench, ON_ONE, bench.processors.one, bench.effort.rounds)
+    judged = _measured(bench, ON_ONE, bench.processors.one, bench.effort.rounds, counts=True)
+    judged, how_counted = _counted(bench, judged)
+    section.text.append(how_counted)
     free = _measured(bench, ANYWHERE, None, max(2, bench.effort.rounds // 2))
     for placement, found in ((ON_ONE, judged), (ANYWHERE, free)):
         section.tables += _tables(found, placement)
@@ -106,7 +111,7 @@ def goals(judged: Found, free: Found, calls: str) -> list[Goal]:
     ]
 
 
-def _measured(bench: Bench, placement: str, cpus: Cpus, rounds: int) -> Found:
+def _measured(bench: Bench, placement: str, cpus: Cpus, rounds: int, *, counts: bool = False) -> Found:
     with Processes() as processes:
         drive = start_drive(processes, bench.programs, cpus=cpus)
         tools = bench.tools(cpus)
@@ -123,7 +128,42 @@ def _measured(bench: Bench, placement: str, cpus: Cpus, rounds: int) -> Found:
             found = bench.interleaved(f"{regime}, {placement}", measures, rounds)
             trips[regime] = {name: [one.from_sent for one in of] for name, of in found.items()}
             costs[regime] = {name: [one.used for one in of] for name, of in found.items() if ways[name].pids}
-        return Found(trips, costs, _at_rest_us(bench, ways))
+        counted = _by_counter(bench, ways, cpus) if counts else {}
+        return Found(trips, costs, _at_rest_us(bench, ways), counted)
+
+
+def _by_counter(bench: Bench, ways: Mapping[str, Way], cpus: Cpus) -> dict[str, dict[str, float]]:
+    """Count in rounds of their own: to switch a counter with its process takes time."""
+    program = bench.programs.counter
+    if counter_refusal(program):
+        return {}
+    bench.say(f"{TITLE}: counting instructions")
+    found: dict[str, dict[str, float]] = {}
+    for regime, how in REGIMES.items():
+        load = how.load(bench, cpus)
+        found[regime] = {
+            name: counted(program, way.pids, partial(bench.meter.run, way, load)) / (load.count + load.warmup)
+            for name, way in ways.items()
+            if way.pids
+        }
+    return found
+
+
+def _counted(bench: Bench, found: Found) -> tuple[Found, str]:
+    """Count by callgrind what no counter has counted; returns it with a sentence about how."""
+    if found.instructions:
+        return found, "Instructions of user mode were counted by the processor, of all processes."
+    why = f"The processor's counter of instructions cannot be had ({counter_refusal(bench.programs.counter)})"
+    refusal = callgrind_refusal()
+    if refusal:
+        return found, f"{why}, nor callgrind ({refusal}): instructions were not counted."
+    by_name: dict[str, float] = {}
+    for name in GATEWAYS:
+        bench.say(f"{TITLE}: counting instructions of {name} with callgrind")
+        tools = bench.tools(bench.processors.one)
+        by_name[name] = by_callgrind(bench.meter, tools, is_compiled=name == COMPILED)
+    said = f"{why}: callgrind counted them, of the relay alone and in a closed loop, which it slows down."
+    return replace(found, instructions={CLOSED: by_name}), said
 
 
 def _at_rest_us(bench: Bench, ways: Mapping[str, Way]) -> dict[str, float]:
@@ -154,11 +194,16 @@ def _tables(found: Found, placement: str) -> list[Table]:
     def late(regime: str, name: str) -> str:
         return str(ratio(found.trips[regime], name, SOCAT, "p99"))
 
+    def taken(regime: str, name: str) -> str:
+        number = found.instructions.get(regime, {}).get(name)
+        return "" if number is None else f"{number:.0f}"
+
     at_rest = [f"{found.at_rest_us[name]:.0f}" if name in found.at_rest_us else "" for name in names]
     return [
         beside("Added median ÷ socat's", added),
         beside("p99 of the round trip ÷ socat's", late),
         beside("Processor time of an exchange, µs", used, [("at rest, µs a second", at_rest)]),
+        *([beside("Instructions of user mode of an exchange", taken)] if found.instructions else []),
         *(
             latency_table(trips, caption=f"Writes of one position, {regime}, {placement}.")
             for regime, trips in found.trips.items()
