@@ -17,7 +17,8 @@ bits of a trigger (FC22), where the others are not known        that, where the 
                                                                 else ``UNKNOWN``
 a trigger that acts in another block of registers only          nothing
 a register of ``starts_on``, whatever the value                 ``START``
-a command field, of a drive that goes there at once             ``START``
+a command field, of a drive that is not staged and has no       ``START``
+register in ``starts_on``: it goes there at once
 a command field, while a trigger register says ``FOLLOW`` or    ``START``
 ``FOLLOW_NEXT``, or while the mode of that field says so
 a command field, while nobody knows what such a register holds  ``UNKNOWN``
@@ -42,12 +43,15 @@ anything that runs      something that runs no target          what the mode say
 ``FOLLOW``              a distance                             that of the mode
 a move                  a move                                 that of the trigger
 anything that runs      no mode                                that of the trigger; ``START`` is absolute
-anything that runs      nobody knows: read it first, if the    ``UNKNOWN``
-                        gateway may read
+anything that runs      nobody knows: it is read first, if     ``UNKNOWN``
+                        the gateway may read
+anything that runs      a mode that counts only in the frame   ``UNKNOWN``
+                        of its position, and is not in it
 ======================  =====================================  ===============================================
 
-*What runs.* Of a drive that has a trigger or a starting register, the one target above; any other command
-field in the frame waits in the drive. Of a drive without, each command field that the frame writes.
+*What runs.* Of a drive that is staged, or has a trigger or a register in ``starts_on``, the one target above;
+any other command field in the frame waits in the drive. Of any other drive, each command field that the frame
+writes.
 
 There are two steps. A :class:`Frame` is what the bytes say. It is parsed once, for the registers of a unit
 stay the same as long as the line runs. What it commands depends on more: on what the drive acknowledged
