@@ -5,7 +5,8 @@ Why nothing is sent twice:
 1. All bytes of requests leave in :meth:`Transactions.send`. Nothing else writes to the link of the drives.
 2. :class:`Phase` says how far a :class:`Transaction` has come. Each step goes through
    :meth:`Transactions.go_on`, which looks it up in :data:`PHASE_AFTER`. A step without a row is a bug:
-   nothing is sent, and it is told. In tests it is raised (``axis.impossible``).
+   nothing is sent, and it is told; in tests ``sentence_of`` raises it (``axis.impossible``). An end without a
+   row ends the transaction all the same, in the safest way.
 3. Its own frame leaves from WAITING, in pieces from LEAVING. Both lead to SENT. From SENT the only way is to
    ENDED, and from ENDED there is none.
 4. WAITING comes again only after PREREQUISITE. What left then was another frame: one that the gateway added.
@@ -124,7 +125,7 @@ class Stopping(Enum):
     __hash__ = object.__hash__
 
     NO = "no"
-    """It stops nothing, or it left at once, as it came."""
+    """It stops nothing. Or it is a stop that left at once, on a free line: nothing had to be done for it."""
     FIRST = "first"
     """It goes before everything else, on a resting line too, and is never given up."""
     EARLY = "early"
