@@ -106,7 +106,7 @@ same: setup test-programs ## plays this tree against the commit of tests/same/ba
 house: setup ## how large the program is and how many parts it has; REVISIONS="A B": side by side
 	@$(BIN)/python -m tools.house --walks $(REVISIONS)
 
-bench: setup ## measure it: hot path, comparison, load, memory; about 20 minutes; writes bench/results.md
+bench: setup ## measure it: hot path, comparison, pauses, load, memory; about 25 minutes; writes bench/results.md
 	$(BIN)/python -m bench.hot_path
 	$(BIN)/python -m bench.run
 

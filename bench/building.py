@@ -14,7 +14,7 @@ from bench.places import BUILD, ROOT, SOURCES
 
 FLAGS: Final = ("-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror")
 SHARED: Final = ("endpoints.c", "frames.c")
-PROGRAMS: Final = ("load", "drive", "relay", "wire", "witness")
+PROGRAMS: Final = ("load", "drive", "relay", "wire", "witness", "calls", "counter")
 COMPARED: Final = ("modbus-proxy>=0.8,<0.9", "pymodbus>=3.16.1,<3.17", "matplotlib>=3.8,<4")
 """From the package index, into an environment of its own: the gateway's stays as its users have it."""
 
@@ -28,6 +28,8 @@ class Programs:
     relay: Path
     wire: Path
     witness: Path
+    calls: Path
+    counter: Path
 
 
 def build_programs(folder: Path = BUILD / "bin") -> Programs:

@@ -68,7 +68,7 @@ def _direct(_processes: Processes, _tools: Tools, drive: int) -> Way:
 def _c_relay(processes: Processes, tools: Tools, drive: int) -> Way:
     port = free_port()
     command: Command = [tools.programs.relay, f"listen:{port}", f"tcp:127.0.0.1:{drive}"]
-    return Way.tcp(port, pid=processes.start("relay-in-c", command, cpus=tools.relay_cpus).pid)
+    return Way.tcp(port, pids=(processes.start("relay-in-c", command, cpus=tools.relay_cpus).pid,))
 
 
 def socat_program() -> str:
@@ -113,7 +113,27 @@ def _gateway(*, points: int = 201, is_compiled: bool = False) -> Start:
         name = f"gateway{'-compiled' if is_compiled else ''}-{points}"
         packages = tools.packages(is_compiled=is_compiled)
         gateway = start_gateway(processes, name, setup, cpus=tools.relay_cpus, packages=packages)
-        return Way.tcp(port, pid=gateway.relay_pid)
+        return Way.tcp(port, pids=(gateway.relay_pid,))
+
+    return start
+
+
+def _whole_gateway(*, is_compiled: bool = False) -> Start:
+    """Both processes, as an installation has them: with the page, which nobody looks at."""
+
+    def start(processes: Processes, tools: Tools, drive: int) -> Way:
+        port, page_port = free_port(), free_port()
+        line = LineSetup((Controller(tcp_port=port),), drive_port=drive)
+        name = f"gateway-whole{'-compiled' if is_compiled else ''}"
+        gateway = start_gateway(
+            processes,
+            name,
+            GatewaySetup((line,), http_port=page_port),
+            is_whole=True,
+            cpus=tools.relay_cpus,
+            packages=tools.packages(is_compiled=is_compiled),
+        )
+        return Way.tcp(port, pids=gateway.pids_once_whole(page_port))
 
     return start
 
@@ -128,6 +148,14 @@ TCP_CANDIDATES: Final[dict[str, Start]] = {
     COMPILED + WITHOUT_TABLE: _gateway(points=0, is_compiled=True),
     MODBUS_PROXY: _modbus_proxy,
     PYMODBUS: _pymodbus,
+}
+
+WHOLE_CANDIDATES: Final[dict[str, Start]] = {
+    DIRECT: _direct,
+    C_RELAY: _c_relay,
+    SOCAT: _socat,
+    GATEWAY: _whole_gateway(),
+    COMPILED: _whole_gateway(is_compiled=True),
 }
 
 

@@ -47,6 +47,11 @@ class Round:
         p50, p99, p999 = (quantile(ascending, share) for share in (0.5, 0.99, 0.999))
         return cls(p50, p99, p999, ascending[-1])
 
+    @classmethod
+    def same(cls, value: float) -> "Round":
+        """Return a round of which one number is known: a sum, or a mean."""
+        return cls(value, value, value, value)
+
 
 @dataclass(frozen=True, slots=True)
 class Interval:

@@ -1,8 +1,11 @@
 """The gateway as a process: how it is started, in one place, and which of its processes is which."""
 
+import contextlib
 import functools
+import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +14,13 @@ from typing import Final
 from bench.errors import BenchError
 from bench.gateway_setup import GatewaySetup, write_setup
 from bench.places import BUILD, ROOT
-from bench.processes import Process, Processes, children, command_line, environment
+from bench.processes import LOGS, Process, Processes, children, command_line, environment
 
 _MAIN: Final = "from gateway.cli.main import main; main()"
 _RELAY_MODULE: Final = "gateway.relay"
 _SUPERVISOR_MODULE: Final = "gateway.supervisor"
+WHOLE_S: Final = 60.0
+RETRY_S: Final = 0.1
 
 
 def gateway_command(*words: str | Path) -> list[str]:
@@ -31,6 +36,19 @@ class Gateway:
     config: Path
     command: str
     """What it was started as, without ``pitch-gateway``: ``relay`` or ``run``."""
+
+    def pids_once_whole(self, page_port: int) -> tuple[int, ...]:
+        """Wait until its page is served; returns all its processes.
+
+        Raises:
+            BenchError: it is not.
+        """
+        until = time.monotonic() + WHOLE_S
+        while time.monotonic() < until:
+            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", page_port), 1.0):
+                return (self.process.pid, *children(self.process.pid))
+            time.sleep(RETRY_S)
+        raise BenchError(f"the gateway does not serve its page (see {LOGS})")
 
     @property
     def relay_pid(self) -> int:
@@ -55,10 +73,11 @@ def start_gateway(
     is_whole: bool = False,
     cpus: Iterable[int] | None = None,
     packages: Path = ROOT,
+    under: Sequence[str] = (),
 ) -> Gateway:
     """Start a gateway: the relay alone where there is such a command, with ``is_whole`` both processes.
 
-    ``packages``: the folder from which it is imported.
+    ``packages``: the folder from which it is imported. ``under``: a program that runs it.
 
     Raises:
         BenchError: its configuration is refused.
@@ -67,7 +86,7 @@ def start_gateway(
     is_alone = not is_whole and has_command("relay")
     _ask(gateway_command("check", *(["--compile"] if is_alone else []), config))
     command = "relay" if is_alone else "run"
-    words = gateway_command(command, config)
+    words = [*under, *gateway_command(command, config)]
     return Gateway(processes.start(name, words, cpus=cpus, packages=packages), config, command)
 
 

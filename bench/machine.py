@@ -1,6 +1,8 @@
 """The machine that figures come from, and the versions of what was measured."""
 
 import contextlib
+import functools
+import json
 import os
 import platform
 import shutil
@@ -11,10 +13,20 @@ from pathlib import Path
 from typing import Final
 
 import gateway
+from bench.errors import BenchError
 from bench.places import ROOT
+from bench.processes import pinned
 
 Facts = list[tuple[str, str]]
 COMPARED_PACKAGES: Final = ("modbus-proxy", "pymodbus", "matplotlib")
+
+SYSTEM_CALLS: Final = {
+    "getppid": "getppid",
+    "pipe": "through a pipe",
+    "epoll": "by epoll",
+    "process": "to another process and back",
+}
+"""What ``c/calls.c`` times, in words."""
 
 
 def machine() -> Facts:
@@ -26,6 +38,28 @@ def machine() -> Facts:
         ("clock source", _line("/sys/devices/system/clocksource/clocksource0/current_clocksource")),
         ("idle driver", _line("/sys/devices/system/cpu/cpuidle/current_driver")),
     ]
+
+
+@functools.cache
+def system_calls(program: Path, cpus: tuple[int, ...] | None) -> dict[str, float]:
+    """Return how many microseconds the machine's own system calls take, as ``c/calls.c`` names them.
+
+    They are measured once in a run: whatever quotes them quotes the same.
+    """
+    done = subprocess.run(pinned([program, "100"], cpus), capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise BenchError(f"{program.name}: {done.stderr.strip()}")
+    found: dict[str, int] = json.loads(done.stdout)
+    return {name: ns / 1000 for name, ns in found.items()}
+
+
+def system_calls_in_words(calls: dict[str, float]) -> str:
+    """Return them as half a sentence.
+
+    >>> system_calls_in_words({"getppid": 0.165, "pipe": 0.68, "epoll": 1.067, "process": 13.07})
+    'getppid 0.17, through a pipe 0.68, by epoll 1.07, to another process and back 13.07 µs'
+    """
+    return ", ".join(f"{SYSTEM_CALLS[name]} {us:.2f}" for name, us in calls.items()) + " µs"
 
 
 def versions(compared_python: Path) -> Facts:

@@ -15,7 +15,7 @@ from bench.building import Programs
 from bench.errors import BenchError
 from bench.figures import Round
 from bench.places import BUILD
-from bench.processes import Process, Processes, line_from, pinned
+from bench.processes import Process, Processes, cpu_ns, line_from, pinned
 from gateway.modbus.mbap import encode_mbap
 
 RETRY_S: Final = 0.05
@@ -28,13 +28,13 @@ class Way:
 
     endpoints: tuple[str, ...]
     fds: tuple[int, ...] = ()
-    pid: int | None = None
-    """The process that carries them, where its processor time is asked for."""
+    pids: tuple[int, ...] = ()
+    """The processes that carry them, where their processor time is asked for."""
 
     @classmethod
-    def tcp(cls, *ports: int, pid: int | None = None) -> "Way":
+    def tcp(cls, *ports: int, pids: tuple[int, ...] = ()) -> "Way":
         """Modbus/TCP on loopback."""
-        return cls(tuple(f"tcp:127.0.0.1:{port}" for port in ports), pid=pid)
+        return cls(tuple(f"tcp:127.0.0.1:{port}" for port in ports), pids=pids)
 
     @classmethod
     def fd(cls, descriptor: int) -> "Way":
@@ -81,6 +81,8 @@ class Found:
     from_sent: Round
     by_due: Round
     seconds: float
+    used: Round
+    """Processor time of an exchange, of all processes of the way together; 0 where there are none."""
 
 
 class Meter:
@@ -96,13 +98,16 @@ class Meter:
         Raises:
             BenchError: a reply did not come, or was not the right one.
         """
+        before_ns = sum(map(cpu_ns, way.pids))
         done = self._load(way, load, str(self._file))
+        used_ns = sum(map(cpu_ns, way.pids)) - before_ns
         if done.returncode:
             raise BenchError(f"{' '.join(way.endpoints)}: {done.stdout.strip()} {done.stderr.strip()}")
         values = array("q")
         values.frombytes(self._file.read_bytes())
         said = json.loads(done.stdout)
-        return Found(Round.of(values[1::2]), Round.of(values[::2]), said["seconds"])
+        used = Round.same(used_ns / (load.count + load.warmup))
+        return Found(Round.of(values[1::2]), Round.of(values[::2]), said["seconds"], used)
 
     def attempt(self, way: Way, load: Load) -> tuple[dict[str, int], list[int]]:
         """Measure one round in which replies may be missing or wrong; it ends after ten of them.
@@ -115,14 +120,14 @@ class Meter:
         said: dict[str, int] = json.loads(done.stdout)
         return said, values[1::2].tolist()
 
-    def wait_until_serving(self, way: Way, units: Iterable[int] = (1,)) -> None:
+    def wait_until_serving(self, way: Way, units: Iterable[int] = (1,), patience_s: float = START_S) -> None:
         """Ask until the first good reply.
 
         Raises:
-            BenchError: there is none in ``START_S``.
+            BenchError: there is none in ``patience_s``.
         """
         one = Load(1, warmup=0, units=tuple(units), timeout_ms=500)
-        until = time.monotonic() + START_S
+        until = time.monotonic() + patience_s
         while True:
             done = self._load(way, replace(one, kind="read"), None)
             if not done.returncode:

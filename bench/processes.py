@@ -44,7 +44,7 @@ class Processes:
 
     def __init__(self, logs: Path = LOGS) -> None:
         self._running: list[Process] = []
-        self._logs = logs
+        self.logs = logs
         logs.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> Self:
@@ -70,7 +70,7 @@ class Processes:
 
         ``packages``: the folder from which it imports, and in which it runs.
         """
-        with (self._logs / f"{name}.log").open("w") as log:
+        with (self.logs / f"{name}.log").open("w") as log:
             process = subprocess.Popen(
                 pinned(command, cpus),
                 stdin=subprocess.DEVNULL,

@@ -22,13 +22,14 @@ from bench.measuring import Meter
 from bench.places import BENCH, BUILD, CHART, NOTES, RESULTS
 from bench.processes import stop_on_signals
 from bench.results import Goal, Section
-from bench.scenarios import cut, hot, load, memory, period, rtu, scale, supervisor, tcp, wire
+from bench.scenarios import cut, hot, load, memory, period, regimes, rtu, scale, supervisor, tcp, wire
 
 SO_FAR: Final = BUILD / "so-far.json"
 """The sections of a run that has not come to its end, if it has measured any."""
 SCENARIOS: Final[dict[str, Callable[[Bench], Section]]] = {
     "hot": hot.run,
     "tcp": tcp.run,
+    "regimes": regimes.run,
     "rtu": rtu.run_rtu,
     "tcp-rtu": rtu.run_mixed,
     "wire": wire.run,
@@ -119,7 +120,9 @@ def _measured(
                 Section(name, [f"Could not be measured: {error}"], goals=[unmeasured], is_measured=False)
             )
         SO_FAR.write_text(json.dumps(_plain(sections, []), indent=1, ensure_ascii=False) + "\n")
-    facts = machine.machine() + machine.versions(python) + machine.how_and_when() + disturbance.facts()
+    calls = machine.system_calls(programs.calls, bench.processors.one)
+    own = [("its own system calls", machine.system_calls_in_words(calls))]
+    facts = machine.machine() + own + machine.versions(python) + machine.how_and_when() + disturbance.facts()
     return sections, facts, python
 
 

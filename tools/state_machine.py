@@ -40,7 +40,7 @@ MOTION_LAYOUT: Final = Layout(
     "state-machine-motion.svg",
     "Where an axis is, and what leads from one state to another",
     900,
-    760,
+    650,
     nodes={
         ANY: (138, 50),
         "unknown": (190, 612),

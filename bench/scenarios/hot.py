@@ -42,7 +42,7 @@ def run(bench: Bench) -> Section:
     for _ in bench.rounds(TITLE, bench.effort.of(RUNS, 3)):
         for packages, series in ((ROOT, plain), (bench.compiled, compiled)):
             for name, us in parsed(_printed(packages)).items():
-                series.setdefault(name, []).append(Round(us, us, us, us))
+                series.setdefault(name, []).append(Round.same(us))
     rows = tuple((name, str(in_us(compiled, name)), str(in_us(plain, name))) for name in plain)
     section.tables.append(Table(("", "compiled µs", "not compiled µs"), rows))
     of_terms = tuple(
@@ -81,7 +81,7 @@ def in_us(series: Series, name: str) -> Interval:
 def ratio(series: Series, of: str, to: str) -> Interval:
     """Return how many times one line another one is: run by run, so that a slow run counts for both."""
     shares = [one.p50 / other.p50 for one, other in zip(series[of], series[to], strict=True)]
-    return in_us({of: [Round(share, share, share, share) for share in shares]}, of)
+    return in_us({of: [Round.same(share) for share in shares]}, of)
 
 
 def goals(series: Series, build: str) -> list[Goal]:

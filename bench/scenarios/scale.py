@@ -7,11 +7,11 @@ from typing import Final
 
 from bench.candidates import free_port
 from bench.context import Bench, Cpus
-from bench.figures import Interval, Round, Series, over_rounds, ratio
-from bench.gateway_process import Gateway, start_gateway
+from bench.figures import Interval, Series, over_rounds, ratio
+from bench.gateway_process import start_gateway
 from bench.gateway_setup import Controller, GatewaySetup, LineSetup
-from bench.measuring import Load, Way, start_drive
-from bench.processes import Processes, cpu_ns
+from bench.measuring import Found, Load, Way, start_drive
+from bench.processes import Processes
 from bench.results import Goal, Section, in_us, latency_table
 
 TITLE: Final = "32 axes, 8 lines, 64 controllers"
@@ -39,26 +39,22 @@ class _Rig:
             LineSetup(tuple(Controller(tcp_port=port) for port in own), drive_port=at, axes=axes)
             for own, at in zip(ports, drive.ports, strict=True)
         ))  # fmt: skip
-        self._gateway: Gateway = start_gateway(processes, name, setup, cpus=cpus)
-        # Line by line within each turn, so that neighbouring requests are on different lines.
-        self._way = Way.tcp(*(own[i] for i in range(controllers) for own in ports))
+        gateway = start_gateway(processes, name, setup, cpus=cpus)
         self._direct = Way.tcp(*(drive.ports * controllers))
         self._cpus = cpus
         for own in ports:
             bench.meter.wait_until_serving(Way.tcp(own[0]), self._units)
+        # Line by line within each turn, so that neighbouring requests are on different lines.
+        in_turn = (own[i] for i in range(controllers) for own in ports)
+        self._way = Way.tcp(*in_turn, pids=(gateway.relay_pid,))
 
-    def measure(self, *, is_concurrent: bool = False) -> tuple[Round, Round]:
-        """Return round trips, and the relay's processor time per exchange."""
-        load = self._load(is_concurrent=is_concurrent)
-        pid = self._gateway.relay_pid
-        before = cpu_ns(pid)
-        trips = self._bench.meter.run(self._way, load).from_sent
-        used = (cpu_ns(pid) - before) / (load.count + load.warmup)
-        return trips, Round(used, used, used, used)
+    def measure(self, *, is_concurrent: bool = False) -> Found:
+        """Measure one round through the gateway."""
+        return self._bench.meter.run(self._way, self._load(is_concurrent=is_concurrent))
 
-    def measure_direct(self) -> tuple[Round, Round]:
-        """Return round trips over as many connections and nothing in between; no relay is busy."""
-        return self._bench.meter.run(self._direct, self._load()).from_sent, Round(0, 0, 0, 0)
+    def measure_direct(self) -> Found:
+        """Measure one over as many connections and nothing in between."""
+        return self._bench.meter.run(self._direct, self._load())
 
     def _load(self, *, is_concurrent: bool = False) -> Load:
         count = self._bench.effort.count
@@ -81,16 +77,16 @@ def run(bench: Bench) -> Section:
     with Processes() as processes:
         one = _Rig(bench, processes, "gateway-one", (1, 1, 1), cpus)
         many = _Rig(bench, processes, "gateway-many", (LINES, AXES_PER_LINE, CONTROLLERS_PER_LINE), cpus)
-        measures: dict[str, Callable[[], tuple[Round, Round]]] = {
+        measures: dict[str, Callable[[], Found]] = {
             DIRECT_ONE: one.measure_direct,
             ONE: one.measure,
             DIRECT_MANY: many.measure_direct,
             MANY: many.measure,
             TOGETHER: partial(many.measure, is_concurrent=True),
         }
-        pairs = bench.interleaved(TITLE, measures)
-    trips: Series = {name: [trip for trip, _ in found] for name, found in pairs.items()}
-    costs: Series = {name: [cost for _, cost in found] for name, found in pairs.items()}
+        rounds = bench.interleaved(TITLE, measures)
+    trips: Series = {name: [one.from_sent for one in found] for name, found in rounds.items()}
+    costs: Series = {name: [one.used for one in found] for name, found in rounds.items()}
     is_direct = [name in {DIRECT_ONE, DIRECT_MANY} for name in costs]
     used = [in_us(median([cost.p50 for cost in rounds])) for rounds in costs.values()]
     times = ["" if direct else text for direct, text in zip(is_direct, used, strict=True)]

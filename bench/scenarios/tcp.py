@@ -16,10 +16,10 @@ from bench.candidates import (
 )
 from bench.context import ANYWHERE, ON_ONE, Bench, Cpus
 from bench.errors import BenchError
-from bench.figures import Interval, Round, Series, added, added_ratio, over_rounds, ratio
+from bench.figures import Interval, Series, added, added_ratio, over_rounds, ratio
 from bench.gateway_setup import COMMAND, COUNTS_PER_MM, forward_mm
 from bench.measuring import Load, Way, holding, start_drive
-from bench.processes import Processes, cpu_ns
+from bench.processes import Processes
 from bench.results import Bar, Goal, Section, Table, in_us, latency_table
 
 TITLE: Final = "TCP to TCP"
@@ -66,7 +66,7 @@ def _placed(bench: Bench, placement: str, cpus: Cpus, section: Section) -> tuple
         said = drive.stop()
     if said["bad_frames"] or said["exceptions"]:
         raise BenchError(f"the drive was sent what it refused: {said}")
-    used = [str(_used(costs, name)) if ways[name].pid else "" for name in series]
+    used = [str(_used(costs, name)) if ways[name].pids else "" for name in series]
     more = [("processor time of an exchange µs", used)]
     section.tables.append(_table(series, f"Writes of one position, {placement}.", more))
     section.tables += [_table(others[kind], f"{caption}, {placement}.") for kind, caption in kinds.items()]
@@ -110,18 +110,11 @@ def goals(judged: Series, free: Series, costs: Series) -> list[Goal]:
 
 def _series(bench: Bench, ways: dict[str, Way], load: Load) -> tuple[Series, Series]:
     """Return round trips, and the processor time of an exchange where it is known whose it is."""
-
-    def measure(way: Way) -> tuple[Round, Round]:
-        before_ns = cpu_ns(way.pid) if way.pid else 0
-        trips = bench.meter.run(way, load).from_sent
-        used_ns = ((cpu_ns(way.pid) if way.pid else 0) - before_ns) / (load.count + load.warmup)
-        return trips, Round(used_ns, used_ns, used_ns, used_ns)
-
-    pairs = bench.interleaved(
-        f"{TITLE}, {load.kind}", {name: partial(measure, way) for name, way in ways.items()}
+    rounds = bench.interleaved(
+        f"{TITLE}, {load.kind}", {name: partial(bench.meter.run, way, load) for name, way in ways.items()}
     )
-    trips = {name: [trip for trip, _ in found] for name, found in pairs.items()}
-    return trips, {name: [cost for _, cost in found] for name, found in pairs.items()}
+    trips = {name: [one.from_sent for one in found] for name, found in rounds.items()}
+    return trips, {name: [one.used for one in found] for name, found in rounds.items()}
 
 
 def _table(series: Series, caption: str, extra: Sequence[tuple[str, Sequence[str]]] = ()) -> Table:

@@ -4,50 +4,61 @@ What makes a target run
 =======================
 
 What a profile says of its drive (``drives.motion.MotionPlan``) and what a frame writes decide it together.
-One frame may do several things to an axis at once. Each line below that applies is one of them.
+One frame may do several things to an axis at once. Each line below that applies is one of them; where none
+applies, nothing moves (``IGNORE``).
 
 ==============================================================  =============================================
 the frame writes                                                what that does
 ==============================================================  =============================================
-a value of a trigger (a register or a coil)                     what the profile says of that value
-the same, where the trigger acts as a bit rises                 that, if the bit was 0 or is not known; a
-                                                                stop needs no bit that rises
-bits of a trigger (FC22), where the others are not known        that, where the written bits are enough;
-                                                                else a stop, if all that it can be is a stop;
-                                                                else ``UNKNOWN``
-a trigger that acts in another block of registers only          nothing
+a value of a trigger (a register or a coil)                     what the profile says of that value, or of
+                                                                every value that it does not name
+the same, where the trigger acts as a bit rises                 that value's action, if the bit was 0 or is
+                                                                not known; a stop needs no bit that rises
+bits of a trigger (FC22), where its other bits are not known    the action of the value, if the written bits
+                                                                decide it; else a stop, if all that it can be
+                                                                is a stop; else ``UNKNOWN``
+a trigger that counts only in frames from its ``block`` on,     nothing
+in another frame
 a register of ``starts_on``, whatever the value                 ``START``
-a command field, of a drive that goes there at once             ``START``
-a command field, while a trigger register says ``FOLLOW`` or    ``START``
-``FOLLOW_NEXT``, or while the mode of that field says so
-a command field, while nobody knows what such a register holds  ``UNKNOWN``
+a command field, of a drive that is not staged and has no       ``START``
+register in ``starts_on``: it goes there at once
+a command field, while a trigger register holds a value that    ``START``
+says ``FOLLOW`` or ``FOLLOW_NEXT``, or its mode says ``FOLLOW``
+a command field, while nobody knows what a trigger register     ``UNKNOWN``
+holds that has such a value
 an actual position that can be set                              ``SET_POSITION``
 a mode in which the drive moves without targets                 ``OTHER_MOTION``
 ==============================================================  =============================================
 
-The first of :data:`PRECEDENCE` among these counts. If it is a stop, nothing else does. ``FOLLOW_NEXT``
-becomes ``FOLLOW`` with a command field in the frame, else nothing. Before a command field moves the axis, a
-trigger register that may follow is read, if nobody knows what it holds and the gateway may read.
+The first of :data:`PRECEDENCE` among these counts. If it is a stop, the others do not. ``START`` runs a
+target as its mode says, ``FOLLOW`` that one and from then on each as soon as it is written, ``FOLLOW_NEXT``
+only the next ones; ``STORED`` runs a position that the drive keeps. ``FOLLOW_NEXT`` becomes ``FOLLOW`` with a
+command field in the frame, else nothing. Before a command field counts, a trigger register that may follow is
+read, if nobody knows what it holds and the gateway may read. The words of a target that was written before,
+and that nobody knows, are no question here (``prerequisites``).
 
 *Which target.* The command field that the value names. Else the first one that the frame writes. Else the one
 that was written last.
 
 *Which move.* The mode of that field, as it stands once the frame is applied:
 
-======================  =====================================  ===============================================
-the trigger says        the mode says                          the move
-======================  =====================================  ===============================================
-anything that runs      something that runs no target          what the mode says
-``START``               a move                                 that of the mode; ``START`` there is absolute
-``FOLLOW``              a distance                             that of the mode
-a move                  a move                                 that of the trigger
-anything that runs      no mode                                that of the trigger; ``START`` is absolute
-anything that runs      nobody knows: read it first, if the    ``UNKNOWN``
-                        gateway may read
-======================  =====================================  ===============================================
+======================  ==================================  ==================================================
+the trigger says        the mode says                       the action
+======================  ==================================  ==================================================
+anything that runs      something that runs no target       what the mode says
+``START``               a move                              that of the mode; if it is ``START``, absolute
+``FOLLOW``              a distance                          that of the mode
+a move                  a move                              that of the trigger
+anything that runs      no mode is mapped                   that of the trigger; if it is ``START``, absolute
+anything that runs      nobody knows                        it is read first; ``UNKNOWN`` if the gateway may
+                                                            not read, or the drive does not say
+anything that runs      a mode that counts only beside its  ``UNKNOWN``
+                        position, and is not in the frame
+======================  ==================================  ==================================================
 
-*What runs.* Of a drive that has a trigger or a starting register, the one target above; any other command
-field in the frame waits in the drive. Of a drive without, each command field that the frame writes.
+*What runs.* Of a drive that is staged, or has a trigger or a register in ``starts_on``, the one target above;
+any other command field in the frame waits in the drive. Of any other drive, each command field that the frame
+writes.
 
 There are two steps. A :class:`Frame` is what the bytes say. It is parsed once, for the registers of a unit
 stay the same as long as the line runs. What it commands depends on more: on what the drive acknowledged

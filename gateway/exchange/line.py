@@ -8,8 +8,9 @@ States of the line:
 - *resting*: nothing but stops is sent until an instant passes: the turnaround after a broadcast (no stops
   either), or the silence after a frame that nobody asked for (W6).
 
-While a unit id is silent each request waits for what ``silent_units`` says of it: a late reply never answers
-the next request (W6), a dead unit is answered for (W11).
+Decided elsewhere is whether a frame leaves and how its request ends (``transaction``), who goes next
+(``turns``), who is silent and answered for (``silent_units``), and what an end of the link means
+(``link_state``).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -25,20 +26,17 @@ from gateway.exchange.added_frames import (
     next_look,
     note_restaged,
     once_more,
-    reads_at_start,
-    trial_read,
 )
 from gateway.exchange.admission import NO_ROOM, Admission, judge, role_denial
-from gateway.exchange.axis.acknowledge import Outcome, SteadyTarget
+from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import Axis, join_terms
-from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.commands import Command, EndDryRun, SetLimits
 from gateway.exchange.control import ControlError, carry_out
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.cut_through.forward import Forwarding, ForwardingLine, Wire
+from gateway.exchange.cut_through.forward import Forwarding, Wire
 from gateway.exchange.cut_through.frame import CutEvent
-from gateway.exchange.cut_through.requests import leave_on
+from gateway.exchange.cut_through.line import ForwardingLine
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.decode import AxisCommand
 from gateway.exchange.dispatch import REMEMBERED_PATHS, Units
@@ -46,24 +44,21 @@ from gateway.exchange.effects import leave
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.gate import Denial
 from gateway.exchange.group import join_groups, settle_group
-from gateway.exchange.link_loss import CLOSES_SOON_NS, LINK_LOSS, LinkLoss, Reached
-from gateway.exchange.link_state import ASKED, IDLE, LinkState, is_at_rest
+from gateway.exchange.link_state import LinkState
 from gateway.exchange.meter import LineMeter
 from gateway.exchange.ownership import Ownership
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, LineTiming, OtherUnits
 from gateway.exchange.ports import Alarm, ControllerPort, DriveLink, OwnUnit
 from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.exchange.renewal import Held, Renewal, longest_lost_ns
+from gateway.exchange.renewal import Renewal, longest_lost_ns
 from gateway.exchange.request import Known
 from gateway.exchange.rest import Rest
-from gateway.exchange.silent_units import Reach, SilentUnits
+from gateway.exchange.silent_units import SilentUnits
 from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import (
-    LOST,
     NO_RESPONSE,
     Answer,
-    FastPath,
     Phase,
     Step,
     StopEvent,
@@ -84,10 +79,6 @@ FRAME: Final = Step.FRAME
 ADDED_FRAME: Final = Step.ADDED_FRAME
 WANTED_AGAIN_NS: Final = 100 * NS_PER_MS
 """So often a connection is asked for while something waits for it."""
-ON_DEMAND_NS: Final = NS_PER_S
-"""A connection on demand is closed after as long without an answer."""
-LOOKED_AGAIN_NS: Final = 100 * NS_PER_MS
-"""So often it is looked whether a connection can be closed, from when on it is to be."""
 NO_UNIT_ID: Final = -1
 ON_THE_WIRE: Final = "a request that may move it is on the wire; let it arrive at a target, and reload again"
 REFUSALS_TOLD: Final = 10
@@ -136,19 +127,9 @@ class LineExchange:
         self._waiting = WaitingQueue()
         self._broken_off: ControllerPort | None = None
         """The connection of what is on the wire, where that has broken off meanwhile."""
-        self.is_up = False
-        """Whether there is a link to the drives."""
-        self.link_state = LinkState(self.axes, connects=link.connects)
-        """How it ended last, and what is told of it."""
         self._renewal = Renewal(
             self._response_timeout_ns, longest_lost_ns([axis.plan.lost_ms for axis in self.axes])
         )
-        self._delay_ns = int(timing.connect_delay_ms * NS_PER_MS)
-        self._on_demand = timing.connects_on_demand and link.connects
-        self._longest_ns = int(timing.max_connection_s * NS_PER_S) * link.connects
-        self._closes_ns = 0
-        """When it is looked whether the connection can be closed; 0: it stays."""
-        self._is_stopping = False
         self.silent_units = SilentUnits(
             timing,
             self._units,
@@ -158,14 +139,27 @@ class LineExchange:
             report=self._report,
             is_serial=link.is_serial,
         )
+        self.link_state = LinkState(
+            self.axes,
+            self._units,
+            timing,
+            link,
+            self._waiting,
+            transactions=self._transactions,
+            silent_units=self.silent_units,
+            rest=self.rest,
+            renewal=self._renewal,
+            on_event=on_event,
+            report=self._report,
+        )
         self._refusals: Reports[tuple[str, str]] = Reports(NS_PER_S, REFUSALS_TOLD, others=others_of_pairs)
-        self._arrived_ns = 0
         self._turns = Turns(
+            self.axes,
             timing,
             self._units,
             self._waiting,
-            self._transactions,
-            self.silent_units,
+            transactions=self._transactions,
+            silent_units=self.silent_units,
             rest=self.rest,
             renewal=self._renewal,
             is_serial=link.is_serial,
@@ -177,11 +171,19 @@ class LineExchange:
         if cut_through is not None:
             gap_ns = int(timing.gap_ms * NS_PER_MS)
             line = ForwardingLine(
-                self._may_forward, self._begin, self._commit, self._leave_whole, self._spoilt
+                timing,
+                link,
+                self._waiting,
+                transactions=self._transactions,
+                turns=self._turns,
+                silent_units=self.silent_units,
+                link_state=self.link_state,
+                rest=self.rest,
+                go_on=self._next,
+                tap=tap,
             )
             self.forwarding = Forwarding(
                 line,
-                self._transactions,
                 link,
                 self._units,
                 cut_through,
@@ -189,6 +191,7 @@ class LineExchange:
                 stored_units=other_units.unit_ids,
                 on_change=self._settle,
                 tell_no_gain=lambda why: on_event(Event(EventKind.CUT_THROUGH_OFF, None, why)),
+                tell_fault=self._transactions.tell_fault,
                 tap=tap,
             )
 
@@ -198,8 +201,8 @@ class LineExchange:
         if self._transactions.current is not None:
             return self._transactions.current.deadline_ns
         rests_until_ns, waits_until_ns = self.rest.until_ns, self._turns.waits_until_ns
-        if not self.is_up or self._closes_ns or self._renewal.holds:
-            due_ns = self._link_due_ns()
+        if not self.link_state.is_up or self.link_state.closes_ns or self._renewal.holds:
+            due_ns = self.link_state.deadline_ns
             if due_ns < HAS_NO_TURN and (waits_until_ns is None or due_ns < waits_until_ns):
                 waits_until_ns = due_ns
         if self.silent_units.silences:
@@ -211,15 +214,24 @@ class LineExchange:
         return min(rests_until_ns, waits_until_ns)
 
     @property
+    def is_up(self) -> bool:
+        """Whether there is a link to the drives."""
+        return self.link_state.is_up
+
+    @property
     def is_still(self) -> bool:
         """Whether nothing is on the wire, waits or is due, but that the connection may be closed."""
         due_ns = self.deadline_ns
-        return due_ns is None or (self._closes_ns > 0 and due_ns == self._closes_ns)
+        return due_ns is None or (self.link_state.closes_ns > 0 and due_ns == self.link_state.closes_ns)
 
     @property
     def serves(self) -> bool:
         """Whether there is a link to the drives, or none because nobody needs it, or for a moment."""
-        return self.is_up or self.link_state.is_blinking or (self._on_demand and not self._waiting.total)
+        return (
+            self.link_state.is_up
+            or self.link_state.is_blinking
+            or (self.link_state.is_on_demand and not self._waiting.total)
+        )
 
     @property
     def owes_silence(self) -> bool:
@@ -298,16 +310,13 @@ class LineExchange:
             return
         if port.is_serial and (self._transactions.current is not None or self._waiting.total):
             self._give_up(port, "its controller sent another request", now_ns)
-        if self._is_stopping:
+        if self.link_state.is_stopping:
             return
-        # Losses are told apart by it (M3): no two requests come at one instant.
-        arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
-        transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
-        transaction.follow(port)
+        transaction = self._transactions.come(port, transaction_id, unit_id, pdu, now_ns)
         if self._odd_units and unit_id in self._odd_units and is_odd_request(pdu):
             transaction.become_odd()
         if port.gate is not None:
-            denial = self._admission.denial(transaction, arrived_ns)
+            denial = self._admission.denial(transaction, transaction.arrived_ns)
             if denial is not None:
                 self._deny(transaction, denial, now_ns)
                 return
@@ -323,12 +332,14 @@ class LineExchange:
             and not self.silent_units.silences
             and not self._renewal.holds
         )
-        if why_given_up and not (self.is_up and self._units.stops_of(self._units.frames_of(transaction))):
-            self._withdraw(transaction, why_given_up, now_ns)
-        elif is_free and is_motion and self.is_up:
+        if why_given_up and not (
+            self.link_state.is_up and self._units.stops_of(self._units.frames_of(transaction))
+        ):
+            self._transactions.withdraw(transaction, why_given_up, now_ns)
+        elif is_free and is_motion and self.link_state.is_up:
             self._start_request(transaction, now_ns)
         else:
-            self._judge(transaction, now_ns, is_free=is_free and self.is_up)
+            self._judge(transaction, now_ns, is_free=is_free and self.link_state.is_up)
 
     def _answer_as_own(self, transaction: Transaction, why_given_up: str, now_ns: int) -> None:
         """Answer for the gateway's own unit id, whatever the line is at."""
@@ -344,8 +355,8 @@ class LineExchange:
         is_allowed, stops = judge(self._units, transaction, is_free=is_free)
         if not is_allowed:
             self._deny(transaction, role_denial(port.plan.role), now_ns)
-        elif not self.is_up and not self._link.connects:
-            self._refuse_absent(transaction, now_ns)
+        elif not self.link_state.is_up and not self._link.connects:
+            self._transactions.refuse_absent(transaction, now_ns)
         elif is_free and stops:
             self._start(transaction, now_ns)
         elif stops:
@@ -358,7 +369,7 @@ class LineExchange:
             self.silent_units.answer_unasked(transaction, now_ns)
         else:
             self._turns.gaps.is_watching |= not transaction.is_motion
-            if self._is_held_up:
+            if self.link_state.holds_up:
                 transaction.hold_up()
             is_behind = self._waiting.has(port)
             self._waiting.add(transaction)
@@ -383,10 +394,10 @@ class LineExchange:
         if current is not None and current.phase is Phase.LEAVING:
             self._spoil(current, CutEvent.OVERTAKEN, now_ns)
         self._turns.overtake(stop, stops, now_ns)
-        if not self.is_up or self.rest.is_opening:
+        if not self.link_state.is_up or self.rest.is_opening:
             stop.hold_up()
         if not self._turns.add_stop(stop, now_ns):
-            self._refuse(stop, ExceptionCode.SERVER_DEVICE_BUSY, now_ns, loss=None)
+            self._transactions.refuse(stop, ExceptionCode.SERVER_DEVICE_BUSY, now_ns, loss=None)
         self._next(now_ns)
 
     def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
@@ -409,7 +420,7 @@ class LineExchange:
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
         """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
         for transaction in self._waiting.give_up(port):
-            self._withdraw(transaction, reason, now_ns)
+            self._transactions.withdraw(transaction, reason, now_ns)
         if self._transactions.current and self._transactions.current.port is port:
             self._end_reply(CutEvent.ANEW, now_ns)
             self._transactions.current.give_up()
@@ -471,7 +482,7 @@ class LineExchange:
             self._next(now_ns)
             return
         if self.link_state.closes_soon:
-            self._see_whether_it_closes(transaction, now_ns)
+            self.link_state.see_whether_it_closes(transaction, now_ns)
         self.silent_units.answered_ns[unit_id] = now_ns
         if self.silent_units.silences:
             if transaction.stopping is Stopping.AGAIN and self.silent_units.owes_of(unit_id):
@@ -547,7 +558,7 @@ class LineExchange:
         self._transactions.go_on(transaction, Step.ANSWERED)
         code = self._learn(transaction, frame, pdu, now_ns)
         if code is not None:
-            self._refuse(transaction, code, now_ns)
+            self._transactions.refuse(transaction, code, now_ns)
         elif self._waiting.has_stops and not transaction.overtaken_by:
             transaction.begin_anew()
             self._waiting.put_back(transaction)
@@ -620,40 +631,10 @@ class LineExchange:
         """Note that the drives can be reached. What that means, :data:`~.link_loss.LINK_LOSS` says."""
         if self._tap is not None:
             self._tap.link_up(now_ns)
-        if not self.is_up:
-            self._link_up(now_ns)
+        if not self.link_state.is_up:
+            self.link_state.come_up(now_ns)
+            self._next(now_ns)
         self._settle()
-
-    def _link_up(self, now_ns: int) -> None:
-        state = self.link_state
-        self._end_blink(now_ns)
-        loss = LinkLoss.BLINK if state.is_blinking else state.loss
-        row = LINK_LOSS[loss]
-        self.is_up = True
-        if state.come_up(now_ns):
-            self._on_event(Event(EventKind.LINE_UP))
-        self.rest.resume(now_ns)
-        delay_ns = self._delay_ns
-        if loss is LinkLoss.RENEWAL and not delay_ns:
-            delay_ns = self._response_timeout_ns
-        if delay_ns:
-            self.rest.open(now_ns + delay_ns)
-        self._renewal.begin()
-        if row.reach is Reached.ASKED_AGAIN:
-            self.silent_units.link_up()
-        for axis in state.lost:
-            axis.end_silence(is_answer=True, until_ns=now_ns)
-        if loss is LinkLoss.RENEWAL:  # whoever is silent was so over it, and may have been switched off
-            for axis in self.axes:
-                axis.end_silence(is_answer=False, until_ns=now_ns)
-        for read in reads_at_start(state.lost):
-            self._waiting.add_own(read, now_ns)
-        if self._on_demand:
-            self._closes_ns = now_ns + ON_DEMAND_NS
-        elif self._longest_ns:
-            self._closes_ns = now_ns + self._longest_ns
-        self._report(self.axes)
-        self._next(now_ns)
 
     def link_down(self, now_ns: int, reason: str = "", *, is_orderly: bool = False) -> None:
         """Note that the drives cannot be reached: nothing waits for them any longer but for a connection.
@@ -662,20 +643,16 @@ class LineExchange:
         """
         if self._tap is not None:
             self._tap.link_down(now_ns, reason, is_orderly=is_orderly)
-        if self.is_up:
+        if self.link_state.is_up:
             self._link_down(now_ns, reason, is_orderly=is_orderly)
         self._settle()
 
     def _link_down(self, now_ns: int, reason: str, *, is_orderly: bool) -> None:
         current, self._transactions.current = self._transactions.current, None
-        is_idle = is_orderly and current is None and self._link.connects and self._renewal.owes_nothing
-        detail = reason
-        if is_orderly:
-            detail = ASKED if current is not None or not self._renewal.owes_nothing else IDLE
-        self._go_down(LinkLoss.IDLE_CLOSE if is_idle else LinkLoss.LOSS, detail, current, now_ns)
+        self.link_state.end(current, reason, now_ns, is_orderly=is_orderly)
         if current is not None and current.phase is Phase.LEAVING:
             self._spoil(current, CutEvent.LOST, now_ns)
-            self._end_leaving(current, now_ns)
+            self._transactions.never_left(current, now_ns)
         elif current is not None and self._may_begin_anew(current):
             self._transactions.go_on(current, Step.ANSWERED)
             current.begin_anew()
@@ -686,49 +663,18 @@ class LineExchange:
         self._keep_waiting(now_ns)
         self._report(self.axes)
 
-    def resume_link(self, up_ns: int, *, closes_soon: bool, has_closed_soon: bool) -> None:
-        """Go on with a link of which more is known than that it is up: in a replay."""
-        state = self.link_state
-        state.closes_soon, state.has_closed_soon = closes_soon, has_closed_soon
-        if up_ns:
-            state.up_ns = up_ns
-            if self._longest_ns and not self._on_demand:
-                self._closes_ns = up_ns + self._longest_ns
-
-    # --- connections: how they end, and what waits for the next one -------------------------------------
-
-    def _go_down(self, loss: LinkLoss, detail: str, current: Transaction | None, now_ns: int) -> None:
-        """Take the link for down, and forget of the axes what :data:`~.link_loss.LINK_LOSS` says."""
-        state = self.link_state
-        self.is_up = False
-        self._closes_ns = 0
-        is_under_way = any(axis.motion.state is MotionState.MOVING for axis in self.axes)
-        is_busy = current is not None or self.rest.is_draining or self.silent_units.owes
-        self.rest.break_off(owes_silence=self._link.is_serial and is_busy)
-        heard_ns = [self.silent_units.answered_ns[axis.plan.unit_id] for axis in self.axes]
-        lost = state.go_down(loss, heard_ns, self.silent_units.last_answered_ns, now_ns)
-        is_closed = loss is LinkLoss.IDLE_CLOSE or loss is LinkLoss.OWN_CLOSE
-        if self._is_stopping or (self._on_demand and is_closed):
-            state.tell_nothing()  # closing it ourselves is no event
-        elif loss is LinkLoss.OWN_CLOSE or loss is LinkLoss.RENEWAL:
-            state.tell_later(detail, now_ns)
-        else:
-            told = state.tell_down(detail, now_ns, is_under_way=bool(lost) and is_under_way)
-            if told is not None:
-                self._on_event(Event(EventKind.LINE_DOWN, None, told))
-        for axis in lost:
-            axis.lose_link(now_ns, was_closed=is_closed)
+    # --- what waits for the next link ------------------------------------------------------------------
 
     def _may_begin_anew(self, transaction: Transaction) -> bool:
         """Whether nothing but a read of the gateway's own was on the wire for a request that waits on."""
         frame = transaction.added
         is_read = transaction.phase is Phase.PREREQUISITE and frame is not None and frame.rendering is None
-        return is_read and self._link.connects and not self._is_stopping
+        return is_read and self._link.connects and not self.link_state.is_stopping
 
     def _keep_waiting(self, now_ns: int) -> None:
         """Let what waits wait for the next connection; where there will be none, nothing is to be had."""
         for transaction in self._waiting.withdraw(lambda each: each.port is None or not self._link.connects):
-            self._refuse_absent(transaction, now_ns)
+            self._transactions.refuse_absent(transaction, now_ns)
         is_lost = bool(self.link_state.lost)
         for transaction in self._waiting:
             transaction.hold_up()
@@ -736,83 +682,11 @@ class LineExchange:
                 transaction.begin_anew()
         self._next(now_ns)
 
-    def _end_blink(self, now_ns: int) -> None:
-        """A connection that did not come back at once is lost: what was known counts no more."""
-        state = self.link_state
-        lost = state.end_blink(now_ns)
-        for axis in lost:
-            axis.lose_link(state.down_ns, was_closed=True)
-        if lost:
-            for transaction in self._waiting:
-                if transaction.known is not None:
-                    transaction.begin_anew()
-            self._report(lost)
-
-    @property
-    def _is_held_up(self) -> bool:
-        """Whether requests wait for the link, or for what it was made anew for."""
-        return not self.is_up or self._renewal.holds or self.rest.is_opening
-
-    def _link_due_ns(self) -> int:
-        """Return when something of the link is due: how long it is down, or whether it is to be closed."""
-        if not self.is_up:
-            return self.link_state.deadline_ns
-        due_ns = self._closes_ns or HAS_NO_TURN
-        if self._renewal.held is Held.WRITES:
-            due_ns = min(due_ns, self._renewal.held_until_ns)
-        return due_ns
-
-    def _watch_link(self, now_ns: int) -> None:
-        """Do what has fallen due of the link itself."""
-        if not self.is_up:
-            self._end_blink(now_ns)
-            told = self.link_state.tell_lasting(now_ns)
-            if told:
-                self._on_event(Event(EventKind.LINE_DOWN, None, told))
-            return
-        if self._renewal.holds and self._renewal.settle(now_ns):
-            self._turns.release_stops()
-        if self._closes_ns and now_ns >= self._closes_ns:
-            self._close_at_rest(now_ns)
-
-    def _close_at_rest(self, now_ns: int) -> None:
-        """Close the connection, if it is to be closed, once nothing is under way."""
-        idle_ns = max(self.link_state.up_ns, self.silent_units.last_answered_ns) + ON_DEMAND_NS
-        is_idle = (
-            self._transactions.current is None and not self._waiting.total and not self.silent_units.silences
-        )
-        is_idle = is_idle and self.rest.until_ns is None and not self._renewal.holds
-        if self._on_demand and now_ns < idle_ns:
-            self._closes_ns = idle_ns
-        elif not is_idle or not self._are_at_rest(now_ns):
-            self._closes_ns = now_ns + LOOKED_AGAIN_NS
-        else:
-            self._go_down(LinkLoss.OWN_CLOSE, "closed by the gateway, and not made anew", None, now_ns)
-            self._report(self.axes)
-            self._link.hang_up(returns=not self._on_demand)
-
-    def _are_at_rest(self, now_ns: int) -> bool:
-        """Whether nothing is under way, streamed, unproven or staged on any axis."""
-        return all(is_at_rest(axis, self.link_state.up_ns, now_ns) for axis in self.axes)
-
-    def _see_whether_it_closes(self, transaction: Transaction, now_ns: int) -> None:
-        """Behind an answer let nothing leave that a server would not read which closes its connection.
-
-        Of one that was not seen to do so that is what would leave in this very call; what comes later is
-        read after the end of the connection, if that has come.
-        """
-        state = self.link_state
-        answered_ns = self.silent_units.answered_ns[transaction.wire_unit_id]
-        if not state.has_closed_soon and state.up_ns <= answered_ns < now_ns - CLOSES_SOON_NS:
-            state.closes_soon = False
-        elif state.has_closed_soon or self._waiting.total or transaction.phase is Phase.PREREQUISITE:
-            self.rest.await_close(now_ns)
-
     def _wait_for_link(self, now_ns: int) -> int:
         """Answer what has waited for the link for too long; return when the next one has."""
         until_ns = HAS_NO_TURN
         for transaction in tuple(self._waiting):
-            if transaction.port is None or (self.is_up and not transaction.is_held_up):
+            if transaction.port is None or (self.link_state.is_up and not transaction.is_held_up):
                 continue
             due_ns = transaction.waits_until_ns
             if due_ns > now_ns:
@@ -822,8 +696,8 @@ class LineExchange:
             if transaction.is_denied or transaction.overtaken_by:
                 self._start(transaction, now_ns)
             else:
-                self._refuse_absent(transaction, now_ns)
-        if not self.is_up and self._waiting.total:
+                self._transactions.refuse_absent(transaction, now_ns)
+        if not self.link_state.is_up and self._waiting.total:
             self._link.want()
             until_ns = min(until_ns, now_ns + WANTED_AGAIN_NS)
         return until_ns
@@ -832,66 +706,6 @@ class LineExchange:
         """Whether a request that was held up would leave too late: what may write, and a stop."""
         is_late = transaction.is_held_up and now_ns >= transaction.waits_until_ns
         return is_late and not transaction.only_reads
-
-    # --- connections on which nothing answers any more --------------------------------------------------
-
-    def _miss(self, transaction: Transaction) -> None:
-        """Take note of what was not answered, where the connection can be made anew."""
-        frame = transaction.added
-        is_read = transaction.only_reads if frame is None else frame.rendering is None
-        self._renewal.miss(transaction.wire_unit_id, transaction.sent_ns, is_read=is_read)
-
-    def _consider_renewal(self, now_ns: int) -> None:
-        """Make the connection anew once it is known that nobody answers on it."""
-        if not self._renewal.is_mute(now_ns):
-            return
-        unit_ids = dict.fromkeys(axis.plan.unit_id for axis in self.axes)
-        reads = {unit_id: trial_read(self._units.axes_of(unit_id)) for unit_id in unit_ids}
-        is_known = True
-        for unit_id in self._renewal.not_asked(unit_ids):
-            silence = self.silent_units.silences.get(unit_id)
-            if silence is not None and silence.reach is Reach.DEAD:
-                continue
-            is_known, read = False, reads[unit_id]
-            if read is not None and self._renewal.ask(unit_id):
-                self._waiting.add_own(read, now_ns)
-        is_readable = any(read is not None for read in reads.values())
-        if is_known and (is_readable or not self._renewal.may_have_written):
-            self._renew(now_ns)
-
-    def _renew(self, now_ns: int) -> None:
-        """Break the connection off and have another one made."""
-        self._renewal.renew(now_ns)
-        why = "nothing has come for three time-outs, whoever was asked: another connection is made"
-        self._on_event(Event(EventKind.CONNECTION_RENEWED, None, why))
-        self._go_down(LinkLoss.RENEWAL, "broken off by the gateway, and not made anew", None, now_ns)
-        self._link.renew()
-        self._keep_waiting(now_ns)
-
-    def _ask_held(self, now_ns: int) -> int:
-        """Ask a drive whether it is there, while nothing else may go; return when the next one may be."""
-        until_ns = HAS_NO_TURN
-        if self._renewal.held is not Held.ALL:
-            return until_ns
-        for unit_id in dict.fromkeys(axis.plan.unit_id for axis in self.axes):
-            read = trial_read(self._units.axes_of(unit_id))
-            if read is None:
-                continue
-            silence = self.silent_units.silences.get(unit_id)
-            dead = silence if silence is not None and silence.reach is Reach.DEAD else None
-            due_ns = self.silent_units.free_ns(unit_id, now_ns, is_read=True)
-            if dead is not None and self.silent_units.backs_off:
-                due_ns = max(due_ns, dead.due_ns)
-            if due_ns > now_ns:
-                until_ns = min(until_ns, due_ns)
-                continue
-            if dead is not None:
-                dead.try_again(now_ns)
-            own = Transaction(None, 0, unit_id, read.pdu, now_ns)
-            own.need(read)
-            self._put_on_wire(own, read.pdu, unit_id, now_ns)
-            return until_ns
-        return until_ns
 
     # --- time ------------------------------------------------------------------------------------------
 
@@ -920,27 +734,28 @@ class LineExchange:
         if self._transactions.current is not None:
             self._time_out(self._transactions.current, now_ns)
         # What comes too late to the end of a silence has to see that there was one.
-        if self.is_up and self.silent_units.owes:
+        if self.link_state.is_up and self.silent_units.owes:
             self.silent_units.answer_waiting(now_ns)
         # Only here: a caller that comes late has read by then what had come (W6).
         rests_until_ns = self.rest.until_ns
         if self.rest.is_closing and rests_until_ns is not None and now_ns >= rests_until_ns:
-            self.link_state.closes_soon = self.link_state.has_closed_soon = False  # it stays open
+            self.link_state.stayed()
         self.rest.settle(now_ns)
         self.silent_units.settle(now_ns)
-        if not self.is_up or self._closes_ns or self._renewal.holds:
-            self._watch_link(now_ns)
-        if is_timed_out and self.is_up and self._link.connects:
-            self._consider_renewal(now_ns)
+        if self._renewal.holds and self.link_state.is_up and self._renewal.settle(now_ns):
+            self._turns.release_stops()
+        self.link_state.watch(now_ns)
+        if is_timed_out and self.link_state.is_up and self._link.connects and self.link_state.renews(now_ns):
+            self._keep_waiting(now_ns)
         self._next(now_ns)
 
     def stop(self, now_ns: int) -> None:
         """Send nothing new; the transaction on the wire ends as it would have (see :attr:`is_idle`)."""
         if self._tap is not None:
             self._tap.stop(now_ns)
-        self._is_stopping = True
+        self.link_state.stop()
         for transaction in self._waiting.withdraw(lambda _: True):
-            self._withdraw(transaction, "the gateway stops", now_ns)
+            self._transactions.withdraw(transaction, "the gateway stops", now_ns)
 
     # --- sending ---------------------------------------------------------------------------------------
 
@@ -948,9 +763,9 @@ class LineExchange:
         """Start what waits, as long as the line is free."""
         turns = self._turns
         turns.waits_until_ns = None
-        if self._is_held_up:
+        if self.link_state.holds_up:
             turns.wake_at(self._wait_for_link(now_ns))
-            if not self.is_up:
+            if not self.link_state.is_up:
                 return
         while self._waiting.total and self._transactions.current is None:
             chosen = turns.next(now_ns)
@@ -958,12 +773,13 @@ class LineExchange:
                 break
             self._start(chosen, now_ns)
         if self._renewal.holds and self._transactions.current is None and self.rest.until_ns is None:
-            turns.wake_at(self._ask_held(now_ns))
+            read = turns.held_read(now_ns)
+            if read is not None:
+                self._put_on_wire(read, read.pdu, read.unit_id, now_ns)
 
     def _is_answered_at_once(self, transaction: Transaction, now_ns: int) -> bool:
         """The same of one that comes now: with the next link a dead drive may be asked again."""
-        is_asked_again = not self.is_up and LINK_LOSS[self.link_state.loss].reach is Reached.ASKED_AGAIN
-        return not is_asked_again and self.silent_units.is_answered_for(transaction, now_ns)
+        return not self.link_state.asks_again and self.silent_units.is_answered_for(transaction, now_ns)
 
     def _is_behind(self, port: ControllerPort) -> bool:
         """Whether a controller is owed another answer first."""
@@ -974,15 +790,15 @@ class LineExchange:
     def _start(self, transaction: Transaction, now_ns: int) -> None:
         """Send a transaction, or the frame that it needs first; or withdraw or refuse it."""
         transaction.start(now_ns)
-        reason = "the gateway stops" if self._is_stopping else transaction.why_given_up(now_ns)
+        reason = "the gateway stops" if self.link_state.is_stopping else transaction.why_given_up(now_ns)
         if reason:
-            self._withdraw(transaction, reason, now_ns)
+            self._transactions.withdraw(transaction, reason, now_ns)
         elif transaction.is_denied:
             self._admission.refuse(transaction, self._admission.denial_of_waiting(transaction), now_ns)
         elif transaction.overtaken_by:
-            self._turns.end_overtaken(transaction, transaction.overtaken_by, now_ns)
+            self._transactions.overtaken(transaction, transaction.overtaken_by, now_ns)
         elif transaction.is_held_up and self._has_waited_too_long(transaction, now_ns):
-            self._refuse_absent(transaction, now_ns)
+            self._transactions.refuse_absent(transaction, now_ns)
         elif transaction.port is None and self.silent_units.is_answered_for(transaction, now_ns):
             self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns)
         elif transaction.port is None:
@@ -1013,7 +829,7 @@ class LineExchange:
             if transaction.port is not None:
                 self.silent_units.askers.add((transaction.port.plan.name, transaction.unit_id))
         if not self._ownership.may_move(transaction, now_ns):
-            self._refuse(transaction, ExceptionCode.SERVER_DEVICE_BUSY, now_ns)
+            self._transactions.refuse(transaction, ExceptionCode.SERVER_DEVICE_BUSY, now_ns)
             return
         for axis in self._units.axes_of(transaction.unit_id):
             axis.end_silence(is_answer=False)
@@ -1023,7 +839,7 @@ class LineExchange:
         except RefusedRequestError as refusal:
             self._tell_refusal(refusal, now_ns)
             loss = Loss.TOO_EARLY if refusal.is_too_early else Loss.DENIED
-            self._refuse(transaction, refusal.code, now_ns, loss=loss)
+            self._transactions.refuse(transaction, refusal.code, now_ns, loss=loss)
             return
         transaction.need(added)
         if added is not None:
@@ -1071,62 +887,6 @@ class LineExchange:
 
     # --- requests that leave while they arrive ---------------------------------------------------------
 
-    def _may_forward(self, port: ControllerPort, now_ns: int) -> bool:
-        """See ``ForwardingLine``: what would go out at once, if all of it had come."""
-        if self._transactions.current is not None or not self.is_up or self.rest.until_ns is not None:
-            return False
-        if self.silent_units.silences or self._is_stopping or not self._waiting.only_others:
-            return False
-        return port.is_motion and port.gate is None and self._link.may_forward(now_ns)
-
-    def _begin(self, port: ControllerPort, expected: bytes, now_ns: int) -> Transaction | None:
-        """See ``ForwardingLine``. Whatever comes meanwhile waits, as for one that has left (W6)."""
-        if self._turns.gaps.is_watching:
-            self._turns.note_motion(now_ns)
-        transaction = Transaction(port, 0, expected[0], expected[1:], now_ns)
-        return transaction if self._transactions.begin(transaction) else None
-
-    def _commit(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
-        """See ``ForwardingLine``. All of it has come in this moment."""
-        transaction = self._transactions.current
-        assert transaction is not None
-        port = transaction.port
-        assert port is not None
-        arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
-        transaction.arrive(pdu, arrived_ns)
-        transaction.follow(port)
-        sent_pdu = leave_on(path, transaction, target, now_ns)
-        if sent_pdu is not None:
-            if self._tap is not None:  # as if it had been stored
-                self._tap.request(port, transaction.transaction_id, transaction.unit_id, pdu, now_ns)
-            transaction.take(path)
-        return sent_pdu
-
-    def _leave_whole(
-        self, transaction: Transaction, unit_id: int, pdu: bytes, piece: bytes, now_ns: int
-    ) -> None:
-        """See ``ForwardingLine``."""
-        path, port = transaction.path, transaction.port
-        assert path is not None
-        assert port is not None
-        patience_ns = max(self._response_timeout_ns, port.patience_ns)
-        self._transactions.send(
-            transaction, Step.LAST_PIECE, unit_id, pdu, now_ns, patience_ns=patience_ns, piece=piece
-        )
-        if transaction.target is not None:
-            path.left(transaction)
-        if self.forwarding is not None:
-            self.forwarding.expect(transaction)
-
-    def _spoilt(self, until_ns: int, now_ns: int) -> None:
-        """See ``ForwardingLine``. If all of it comes it is a request as any other, behind the silence."""
-        transaction, self._transactions.current = self._transactions.current, None
-        assert transaction is not None
-        self._end_leaving(transaction, now_ns)
-        self.rest.spoil(until_ns)
-        self._turns.gaps.ended(transaction, now_ns, until_ns)
-        self._next(now_ns)
-
     def _end_reply(self, why: CutEvent, now_ns: int) -> None:
         """Let no more leave of a reply that is leaving."""
         if self.forwarding is not None:
@@ -1136,10 +896,6 @@ class LineExchange:
         """Let no more leave of a request that is leaving."""
         assert self.forwarding is not None
         self.forwarding.end_request(transaction, why, now_ns)
-
-    def _end_leaving(self, transaction: Transaction, now_ns: int) -> None:
-        """End what never left whole: nothing of it is lost that its controller has not still to send."""
-        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, loss=None)
 
     def _end_broadcast(self, transaction: Transaction, now_ns: int) -> None:
         """Give the drives time to obey what all of them heard, and none of them answers."""
@@ -1174,25 +930,6 @@ class LineExchange:
         self._ownership.lose(transaction, code, loss)
         self._report(self._units.axes_of(transaction.unit_id))
 
-    def _refuse(
-        self, transaction: Transaction, code: int, now_ns: int, *, loss: Loss | None = Loss.DENIED
-    ) -> None:
-        """Refuse a request that might have moved something: it never reached the drive (M3)."""
-        self._transactions.finish(
-            transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, loss=loss
-        )
-
-    def _refuse_absent(self, transaction: Transaction, now_ns: int) -> None:
-        """Say that there is no link to the drives (W7)."""
-        code = ExceptionCode.GATEWAY_PATH_UNAVAILABLE
-        self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.ABSENCE)
-
-    def _withdraw(self, transaction: Transaction, why: str, now_ns: int) -> None:
-        """End a request that its controller does not wait for any more (W5)."""
-        self._transactions.finish(
-            transaction, Outcome.NEVER_SENT, now_ns, code=LOST, withdrawn=why, loss=Loss.WITHDRAWN
-        )
-
     def _end_unanswered(self, transaction: Transaction, now_ns: int) -> None:
         """End what is on the wire, and will not be answered any more."""
         outcome, frame = Outcome.NO_REPLY, transaction.added
@@ -1226,7 +963,9 @@ class LineExchange:
         if transaction.port is not None:
             self.silent_units.askers.add((transaction.port.plan.name, unit_id))
         if self._link.connects:
-            self._miss(transaction)
+            frame = transaction.added
+            is_read = transaction.only_reads if frame is None else frame.rendering is None
+            self._renewal.miss(unit_id, transaction.sent_ns, is_read=is_read)
         silence, has_died = self.silent_units.miss(unit_id, transaction.sent_ns, now_ns)
         if silence.timeouts == 1:
             self._on_event(Event(EventKind.DRIVE_SILENT, None, self._unanswered_by(unit_id)))

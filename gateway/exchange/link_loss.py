@@ -136,5 +136,5 @@ LINK_LOSS: Final = {
         Recorded.READ,
     ),
 }
-"""What each kind does. ``LineExchange`` acts on the first five; the sixth is ``Axis.end_silence``, the last
+"""What each kind does. ``LinkState`` acts on the first five; the sixth is ``Axis.end_silence``, the last
 ``axis.record``."""

@@ -1,25 +1,42 @@
-"""Whether the drives of a line can be reached, how that ended last, and what is told of it.
+"""The link to the drives of a line: when it ends, what its end and its return mean, and what is told of it.
+
+What is forgotten of the axes with each kind of end, :data:`~.link_loss.LINK_LOSS` says. We end it ourselves
+in two ways: a connection that nobody needs, or that is old, is closed once nothing is under way; one on which
+nothing answers any more is broken off and made anew (``renewal``).
 
 A connection that its server closes when it is idle comes and goes all day: of each reason the first one is
 told, then one a minute with how many there were. What lasts is told in any case.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
+from gateway.exchange.added_frames import reads_at_start, trial_read
 from gateway.exchange.axis.acknowledge import OnWire
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MotionState, Said
-from gateway.exchange.link_loss import BLINK_NS, CLOSES_SOON_NS, HEARD_NS, LinkLoss
-from gateway.exchange.plan import DONE_BIT
+from gateway.exchange.dispatch import Units
+from gateway.exchange.events import Event, EventKind
+from gateway.exchange.link_loss import BLINK_NS, CLOSES_SOON_NS, HEARD_NS, LINK_LOSS, LinkLoss, Reached
+from gateway.exchange.plan import DONE_BIT, LineTiming
+from gateway.exchange.ports import DriveLink
+from gateway.exchange.queue import WaitingQueue
+from gateway.exchange.renewal import Held, Renewal
+from gateway.exchange.rest import Rest
+from gateway.exchange.silent_units import Reach, SilentUnits
+from gateway.exchange.transaction import Phase, Transaction, Transactions
 from gateway.limits import Reports, others_of_pairs, times
-from gateway.times import NS_PER_S
+from gateway.times import NS_PER_MS, NS_PER_S
 
 STREAM_ENDED_NS: Final = NS_PER_S
 """A stream without a setpoint for so long is over, or stands still."""
 LASTS_NS: Final = NS_PER_S
 """A line that is down for so long is told of, however often it was told for the same reason."""
 NEVER: Final = 1 << 62
+ON_DEMAND_NS: Final = NS_PER_S
+"""A connection on demand is closed after as long without an answer."""
+LOOKED_AGAIN_NS: Final = 100 * NS_PER_MS
+"""So often it is looked whether a connection can be closed, from when on it is to be."""
 IDLE: Final = "closed by its peer when idle"
 ASKED: Final = "closed by its peer while a request was unanswered"
 AT_REST: Final = frozenset(
@@ -52,11 +69,59 @@ def is_at_rest(axis: Axis, up_ns: int, now_ns: int) -> bool:
 
 
 class LinkState:
-    """See the module."""
+    """See the module.
 
-    def __init__(self, axes: Sequence[Axis], *, connects: bool) -> None:
+    Args:
+        axes: of the line.
+        units: their register maps.
+        timing: of the line.
+        link: the way to the drives.
+        waiting: what waits for the line.
+        transactions: of the line.
+        silent_units: who does not answer.
+        rest: the pauses of the line.
+        renewal: what a new connection holds back.
+        on_event: hears what is worth a word.
+        report: tells what is new about some axes.
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[Axis],
+        units: Units,
+        timing: LineTiming,
+        link: DriveLink,
+        waiting: WaitingQueue,
+        *,
+        transactions: Transactions,
+        silent_units: SilentUnits,
+        rest: Rest,
+        renewal: Renewal,
+        on_event: Callable[[Event], None],
+        report: Callable[[tuple[Axis, ...]], None],
+    ) -> None:
         self._axes = tuple(axes)
-        self._connects = connects
+        self._units = units
+        self._link = link
+        self._waiting = waiting
+        self._transactions = transactions
+        self._silent_units = silent_units
+        self._rest = rest
+        self._renewal = renewal
+        self._on_event = on_event
+        self._report = report
+        self._connects = link.connects
+        self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
+        self._delay_ns = int(timing.connect_delay_ms * NS_PER_MS)
+        self.is_on_demand = timing.connects_on_demand and link.connects
+        """Whether there is a connection only while somebody needs one."""
+        self._longest_ns = int(timing.max_connection_s * NS_PER_S) * link.connects
+        self.closes_ns = 0
+        """When it is looked whether the connection can be closed; 0: it stays."""
+        self.is_stopping = False
+        """Whether the gateway stops: nothing new is sent, and that the link goes down is no event."""
+        self.is_up = False
+        """Whether there is a link to the drives."""
         self.loss = LinkLoss.RESTART
         """How it ended last; of a blink that lasts it becomes what that is then."""
         self.lost: tuple[Axis, ...] = self._axes
@@ -64,7 +129,7 @@ class LinkState:
         self.up_ns = self.down_ns = 0
         self.blinks_until_ns = 0
         """Until then the link may come back as if it had not ended; 0: it did end."""
-        self.closes_soon = connects
+        self.closes_soon = link.connects
         """Whether the server may close its connection behind an answer: it was not seen yet that it stays."""
         self.has_closed_soon = False
         """Whether it did so the last time."""
@@ -81,83 +146,228 @@ class LinkState:
         return self.blinks_until_ns > 0
 
     @property
-    def deadline_ns(self) -> int:
-        """When something is due here; :data:`NEVER`: nothing is."""
-        return min(self.blinks_until_ns or NEVER, self._tell_ns or NEVER)
+    def holds_up(self) -> bool:
+        """Whether requests wait for the link, or for what it was made anew for."""
+        return not self.is_up or self._renewal.holds or self._rest.is_opening
 
-    def come_up(self, now_ns: int) -> bool:
-        """The link is there; return whether that is told."""
+    @property
+    def asks_again(self) -> bool:
+        """Whether the link is down, and dead drives are asked again when it is back."""
+        return not self.is_up and LINK_LOSS[self.loss].reach is Reached.ASKED_AGAIN
+
+    @property
+    def deadline_ns(self) -> int:
+        """When it is to be told, or looked whether it is to be closed; :data:`NEVER`: nothing is due."""
+        if not self.is_up:
+            return min(self.blinks_until_ns or NEVER, self._tell_ns or NEVER)
+        due_ns = self.closes_ns or NEVER
+        if self._renewal.held is Held.WRITES:
+            due_ns = min(due_ns, self._renewal.held_until_ns)
+        return due_ns
+
+    # --- it comes up and goes down ---------------------------------------------------------------------
+
+    def come_up(self, now_ns: int) -> None:
+        """The drives can be reached."""
+        self._end_blink(now_ns)
+        loss = LinkLoss.BLINK if self.is_blinking else self.loss
+        row = LINK_LOSS[loss]
+        self.is_up = True
         self.up_ns = now_ns
         self.blinks_until_ns = self._tell_ns = 0
-        is_told, self._is_told = self._is_told, False
-        return is_told
+        if self._is_told:
+            self._is_told = False
+            self._on_event(Event(EventKind.LINE_UP))
+        self._rest.resume(now_ns)
+        delay_ns = self._delay_ns
+        if loss is LinkLoss.RENEWAL and not delay_ns:
+            delay_ns = self._response_timeout_ns
+        if delay_ns:
+            self._rest.open(now_ns + delay_ns)
+        self._renewal.begin()
+        if row.reach is Reached.ASKED_AGAIN:
+            self._silent_units.link_up()
+        for axis in self.lost:
+            axis.end_silence(is_answer=True, until_ns=now_ns)
+        if loss is LinkLoss.RENEWAL:  # whoever is silent was so over it, and may have been switched off
+            for axis in self._axes:
+                axis.end_silence(is_answer=False, until_ns=now_ns)
+        for read in reads_at_start(self.lost):
+            self._waiting.add_own(read, now_ns)
+        if self.is_on_demand:
+            self.closes_ns = now_ns + ON_DEMAND_NS
+        elif self._longest_ns:
+            self.closes_ns = now_ns + self._longest_ns
+        self._report(self._axes)
 
-    def go_down(
-        self, loss: LinkLoss, heard_ns: Sequence[int], answered_ns: int, now_ns: int
-    ) -> tuple[Axis, ...]:
-        """The link ended; return the axes of which nothing is known from now on.
+    def resume(self, up_ns: int, *, closes_soon: bool, has_closed_soon: bool) -> None:
+        """Go on with a link of which more is known than that it is up: in a replay."""
+        self.closes_soon, self.has_closed_soon = closes_soon, has_closed_soon
+        if up_ns:
+            self.up_ns = up_ns
+            if self._longest_ns and not self.is_on_demand:
+                self.closes_ns = up_ns + self._longest_ns
 
-        ``heard_ns``: when the drive of each axis answered last; ``answered_ns``: when any did.
+    def end(self, current: Transaction | None, reason: str, now_ns: int, *, is_orderly: bool) -> None:
+        """The drives cannot be reached any more.
+
+        Args:
+            current: what was on the wire.
+            reason: why, where that is known.
+            now_ns: when.
+            is_orderly: the other end has closed it, and nothing broke.
         """
+        owes_nothing = current is None and self._renewal.owes_nothing
+        is_idle = is_orderly and owes_nothing and self._connects
+        detail = reason
+        if is_orderly:
+            detail = IDLE if owes_nothing else ASKED
+        self._go_down(LinkLoss.IDLE_CLOSE if is_idle else LinkLoss.LOSS, detail, current, now_ns)
+
+    def stop(self) -> None:
+        """The gateway stops."""
+        self.is_stopping = True
+
+    def _go_down(self, loss: LinkLoss, detail: str, current: Transaction | None, now_ns: int) -> None:
+        """Take the link for down, and forget of the axes what :data:`~.link_loss.LINK_LOSS` says."""
+        self.is_up = False
+        self.closes_ns = 0
+        is_under_way = any(axis.motion.state is MotionState.MOVING for axis in self._axes)
+        is_busy = current is not None or self._rest.is_draining or self._silent_units.owes
+        self._rest.break_off(owes_silence=self._link.is_serial and is_busy)
         self.loss = loss
         self.down_ns = now_ns
-        closed = loss is LinkLoss.IDLE_CLOSE or loss is LinkLoss.OWN_CLOSE
-        self.blinks_until_ns = now_ns + BLINK_NS if closed else 0
-        by_us = loss is LinkLoss.OWN_CLOSE or loss is LinkLoss.RENEWAL
-        if self._connects and not by_us and answered_ns >= self.up_ns:
+        is_closed = loss is LinkLoss.IDLE_CLOSE or loss is LinkLoss.OWN_CLOSE
+        is_by_us = loss is LinkLoss.OWN_CLOSE or loss is LinkLoss.RENEWAL
+        self.blinks_until_ns = now_ns + BLINK_NS if is_closed else 0
+        answered_ns = self._silent_units.last_answered_ns
+        if self._connects and not is_by_us and answered_ns >= self.up_ns:
             self.closes_soon = self.has_closed_soon = now_ns - answered_ns <= CLOSES_SOON_NS
+        self.lost = self._axes
         if loss is LinkLoss.RENEWAL:
             self.lost = ()
-        elif closed:
-            self.lost = tuple(
-                [
-                    axis
-                    for axis, at_ns in zip(self._axes, heard_ns, strict=True)
-                    if not at_ns or now_ns - at_ns > HEARD_NS
-                ]
-            )
+        elif is_closed:
+            self.lost = tuple([axis for axis in self._axes if not self._was_heard(axis, now_ns)])
+        if self.is_stopping or (self.is_on_demand and is_closed):
+            self._is_told, self._tell_ns = False, 0  # closing it ourselves is no event
+        elif is_by_us:
+            self._tell_later(detail, now_ns)
         else:
-            self.lost = self._axes
-        return self.lost
+            self._tell_down(detail, now_ns, is_under_way=bool(self.lost) and is_under_way)
+        for axis in self.lost:
+            axis.lose_link(now_ns, was_closed=is_closed)
 
-    def end_blink(self, now_ns: int) -> tuple[Axis, ...]:
-        """The link did not come back in time; return the axes of which nothing is known from now on."""
+    def _was_heard(self, axis: Axis, now_ns: int) -> bool:
+        """Whether the drive of an axis answered so shortly before that a blink changes nothing."""
+        at_ns = self._silent_units.answered_ns[axis.plan.unit_id]
+        return at_ns > 0 and now_ns - at_ns <= HEARD_NS
+
+    def _end_blink(self, now_ns: int) -> None:
+        """A connection that did not come back at once is lost: what was known counts no more."""
         if not self.blinks_until_ns or now_ns < self.blinks_until_ns:
-            return ()
+            return
         self.blinks_until_ns = 0
         kept = tuple([axis for axis in self._axes if axis not in self.lost])
         self.lost = self._axes
-        return kept
+        for axis in kept:
+            axis.lose_link(self.down_ns, was_closed=True)
+        if kept:
+            for transaction in self._waiting:
+                if transaction.known is not None:
+                    transaction.begin_anew()
+            self._report(kept)
 
-    def tell_down(self, detail: str, now_ns: int, *, is_under_way: bool) -> str | None:
-        """Return what is told of the end of the link; None: nothing is told. A loss under way always is.
+    # --- we end it ourselves ---------------------------------------------------------------------------
+
+    def watch(self, now_ns: int) -> None:
+        """Do what has fallen due."""
+        if not self.is_up:
+            self._end_blink(now_ns)
+            if self._tell_ns and now_ns >= self._tell_ns:
+                self._tell_ns = 0
+                self._is_told = True
+                if self._detail:
+                    self._on_event(Event(EventKind.LINE_DOWN, None, self._detail))
+        elif self.closes_ns and now_ns >= self.closes_ns:
+            self._close_at_rest(now_ns)
+
+    def _close_at_rest(self, now_ns: int) -> None:
+        """Close the connection, if it is to be closed, once nothing is under way."""
+        idle_ns = max(self.up_ns, self._silent_units.last_answered_ns) + ON_DEMAND_NS
+        is_idle = self._transactions.current is None and not self._waiting.total
+        is_idle = is_idle and not self._silent_units.silences
+        is_idle = is_idle and self._rest.until_ns is None and not self._renewal.holds
+        if self.is_on_demand and now_ns < idle_ns:
+            self.closes_ns = idle_ns
+        elif not is_idle or not all(is_at_rest(axis, self.up_ns, now_ns) for axis in self._axes):
+            self.closes_ns = now_ns + LOOKED_AGAIN_NS
+        else:
+            self._go_down(LinkLoss.OWN_CLOSE, "closed by the gateway, and not made anew", None, now_ns)
+            self._report(self._axes)
+            self._link.hang_up(returns=not self.is_on_demand)
+
+    def renews(self, now_ns: int) -> bool:
+        """Make the connection anew once it is known that nobody answers on it; return whether that is so."""
+        if not self._renewal.is_mute(now_ns):
+            return False
+        unit_ids = dict.fromkeys(axis.plan.unit_id for axis in self._axes)
+        reads = {unit_id: trial_read(self._units.axes_of(unit_id)) for unit_id in unit_ids}
+        is_known = True
+        for unit_id in self._renewal.not_asked(unit_ids):
+            silence = self._silent_units.silences.get(unit_id)
+            if silence is not None and silence.reach is Reach.DEAD:
+                continue
+            is_known, read = False, reads[unit_id]
+            if read is not None and self._renewal.ask(unit_id):
+                self._waiting.add_own(read, now_ns)
+        is_readable = any(read is not None for read in reads.values())
+        if not is_known or not (is_readable or not self._renewal.may_have_written):
+            return False
+        self._renewal.renew(now_ns)
+        why = "nothing has come for three time-outs, whoever was asked: another connection is made"
+        self._on_event(Event(EventKind.CONNECTION_RENEWED, None, why))
+        self._go_down(LinkLoss.RENEWAL, "broken off by the gateway, and not made anew", None, now_ns)
+        self._link.renew()
+        return True
+
+    # --- its server closes it --------------------------------------------------------------------------
+
+    def see_whether_it_closes(self, transaction: Transaction, now_ns: int) -> None:
+        """Behind an answer let nothing leave that a server would not read which closes its connection.
+
+        Of one that was not seen to do so that is what would leave in this very call; what comes later is
+        read after the end of the connection, if that has come.
+        """
+        answered_ns = self._silent_units.answered_ns[transaction.wire_unit_id]
+        if not self.has_closed_soon and self.up_ns <= answered_ns < now_ns - CLOSES_SOON_NS:
+            self.closes_soon = False
+        elif self.has_closed_soon or self._waiting.total or transaction.phase is Phase.PREREQUISITE:
+            self._rest.await_close(now_ns)
+
+    def stayed(self) -> None:
+        """It was not closed behind an answer."""
+        self.closes_soon = self.has_closed_soon = False
+
+    # --- what is told ----------------------------------------------------------------------------------
+
+    def _tell_down(self, detail: str, now_ns: int, *, is_under_way: bool) -> None:
+        """Tell of the end of the link, if that is to be told. A loss under way always is.
 
         What stands behind a colon does not make it another reason. A serial port that was unplugged is told
         of each time.
         """
         if not self._connects:
             self._is_told = True
-            return detail
+            self._on_event(Event(EventKind.LINE_DOWN, None, detail))
+            return
         count = self._told.due(("line-down", detail.partition(":")[0]), now_ns)
         self._detail = detail
         if count or is_under_way:
             self._is_told = True
-            return detail + times(count)
-        self.tell_later(detail, now_ns)
-        return None
+            self._on_event(Event(EventKind.LINE_DOWN, None, detail + times(count)))
+        else:
+            self._tell_later(detail, now_ns)
 
-    def tell_later(self, detail: str, now_ns: int) -> None:
+    def _tell_later(self, detail: str, now_ns: int) -> None:
         """It is told only if it lasts."""
         self._is_told, self._detail, self._tell_ns = False, detail, now_ns + LASTS_NS
-
-    def tell_nothing(self) -> None:
-        """It is closed because nobody needs it."""
-        self._is_told, self._tell_ns = False, 0
-
-    def tell_lasting(self, now_ns: int) -> str:
-        """Return what is told of a link that is still down, "" where nothing is due."""
-        if not self._tell_ns or now_ns < self._tell_ns:
-            return ""
-        self._tell_ns = 0
-        self._is_told = True
-        return self._detail

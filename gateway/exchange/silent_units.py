@@ -125,7 +125,7 @@ class Silence:
     stops: dict[bytes, int] = field(default_factory=dict)
     """Stops that it did not answer, each with when the same may be sent again."""
     turns: set[int] = field(default_factory=set)
-    """Controllers that get an exchange before the next of these stops; see ``LineExchange``."""
+    """Controllers that get an exchange before the next of these stops; see ``Turns``."""
 
     def miss(self, sent_ns: int, now_ns: int, drain_ns: int, first_retry_ns: int) -> None:
         """A request that was sent at ``sent_ns`` was not answered."""

@@ -2,10 +2,11 @@
 
 Why nothing is sent twice:
 
-1. Bytes of requests reach the drives in one place, :meth:`Transactions.send`. Nothing else does.
+1. All bytes of requests leave in :meth:`Transactions.send`. Nothing else writes to the link of the drives.
 2. :class:`Phase` says how far a :class:`Transaction` has come. Each step goes through
    :meth:`Transactions.go_on`, which looks it up in :data:`PHASE_AFTER`. A step without a row is a bug:
-   nothing is sent, and it is told. In tests it is raised (``axis.impossible``).
+   nothing is sent, and it is told; in tests ``sentence_of`` raises it (``axis.impossible``). An end without a
+   row ends the transaction all the same, in the safest way.
 3. Its own frame leaves from WAITING, in pieces from LEAVING. Both lead to SENT. From SENT the only way is to
    ENDED, and from ENDED there is none.
 4. WAITING comes again only after PREREQUISITE. What left then was another frame: one that the gateway added.
@@ -64,7 +65,7 @@ class Phase(Enum):
     PREREQUISITE = "prerequisite"
     """A frame of the gateway's own that it needs first is on the wire."""
     LEAVING = "leaving"
-    """Bytes of its own frame have left while it still arrives: it is no frame before its check sum has."""
+    """Bytes of its own frame leave while it still arrives: it is no frame before its check sum has left."""
     SENT = "sent"
     """Its own frame has left."""
     ENDED = "ended"
@@ -124,7 +125,7 @@ class Stopping(Enum):
     __hash__ = object.__hash__
 
     NO = "no"
-    """It stops nothing, or it left at once, as it came."""
+    """It stops nothing. Or it is a stop that left at once, on a free line: nothing had to be done for it."""
     FIRST = "first"
     """It goes before everything else, on a resting line too, and is never given up."""
     EARLY = "early"
@@ -290,10 +291,6 @@ class Transaction:
         self.pdu = pdu
         self.arrived_ns = arrived_ns
 
-    def follow(self, port: ControllerPort) -> None:
-        """Note the request before it on the same connection."""
-        self.follows_ns, port.newest_ns = port.newest_ns, self.arrived_ns
-
     @property
     def is_motion(self) -> bool:
         """Whether a motion controller asked for it."""
@@ -400,11 +397,6 @@ class Transaction:
         """Note how the positions that it reads on a fast path are turned back."""
         self.readbacks = readbacks
 
-    def arrive(self, pdu: bytes, arrived_ns: int) -> None:
-        """All of it has come while it was leaving: this is what it says."""
-        self.pdu, self.arrived_ns, self.early_ns = pdu, arrived_ns, arrived_ns - self.sent_ns
-        self.frames = None
-
     def hold_up(self) -> None:
         """It waits for the link to the drives."""
         self.is_held_up = True
@@ -468,8 +460,28 @@ class Transactions:
         self._lose = lose
         self._unit_of = unit_of
         self._withdrawals: Reports[tuple[str, str]] = Reports(NS_PER_S, others=others_of_pairs)
+        self._arrived_ns = 0
+        """When the newest request came."""
         self.current: Transaction | None = None
         """The one on the wire: it is leaving, or its reply has not come."""
+
+    def come(
+        self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
+    ) -> Transaction:
+        """Return the transaction of a request that comes now."""
+        # Losses are told apart by it (M3): no two requests come at one instant.
+        arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
+        transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
+        transaction.follows_ns, port.newest_ns = port.newest_ns, arrived_ns
+        return transaction
+
+    def come_whole(self, transaction: Transaction, port: ControllerPort, pdu: bytes, now_ns: int) -> None:
+        """All of a request has come while it was leaving: this is what it says."""
+        arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
+        transaction.pdu, transaction.arrived_ns = pdu, arrived_ns
+        transaction.early_ns = arrived_ns - transaction.sent_ns
+        transaction.frames = None
+        transaction.follows_ns, port.newest_ns = port.newest_ns, arrived_ns
 
     # --- steps -----------------------------------------------------------------------------------------
 
@@ -601,7 +613,7 @@ class Transactions:
                 return
             # The safest: of what may have reached its drive nobody knows what it did.
             outcome = Outcome.NO_REPLY if transaction.phase is Phase.SENT else Outcome.NEVER_SENT
-            transaction.phase = PHASE_AFTER[transaction.phase][outcome]
+            self.go_on(transaction, outcome)
         if outcome is Outcome.NEVER_SENT:
             if loss is not None and transaction.port is not None and not transaction.only_reads:
                 self._lose(transaction, code, loss)
@@ -614,6 +626,30 @@ class Transactions:
                 finish(request, outcome, code, now_ns)
         if answer is not Answer.NOTHING:
             self._answer(transaction, code, answer)
+
+    def refuse(
+        self, transaction: Transaction, code: int, now_ns: int, *, loss: Loss | None = Loss.DENIED
+    ) -> None:
+        """Refuse a request that might have moved something: it never reached the drive (M3)."""
+        self.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, loss=loss)
+
+    def refuse_absent(self, transaction: Transaction, now_ns: int) -> None:
+        """Say that there is no link to the drives (W7)."""
+        code = ExceptionCode.GATEWAY_PATH_UNAVAILABLE
+        self.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.ABSENCE)
+
+    def never_left(self, transaction: Transaction, now_ns: int) -> None:
+        """End what never left whole: nothing is lost that its controller has not still to send."""
+        self.finish(transaction, Outcome.NEVER_SENT, now_ns, loss=None)
+
+    def withdraw(self, transaction: Transaction, why: str, now_ns: int) -> None:
+        """End a request that its controller does not wait for any more (W5)."""
+        self.finish(transaction, Outcome.NEVER_SENT, now_ns, code=LOST, withdrawn=why, loss=Loss.WITHDRAWN)
+
+    def overtaken(self, transaction: Transaction, why: str, now_ns: int) -> None:
+        """Withdraw what a stop has overtaken; its controller still waits, and is told (M3)."""
+        code = ExceptionCode.SERVER_DEVICE_BUSY
+        self.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, withdrawn=why)
 
     def reply(self, transaction: Transaction, pdu: bytes) -> None:
         """Give the controller its reply, if it still waits for one."""

@@ -16,27 +16,28 @@ early, and once more behind the silence, unless its own echo came. The same stop
 answer starves nobody: others get their turns in between.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
+from gateway.exchange.added_frames import trial_read
 from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.acknowledge import Outcome
+from gateway.exchange.axis.axis import Axis
 from gateway.exchange.decode import AxisCommand
 from gateway.exchange.dispatch import Units, is_acting_on, moves_one_of
 from gateway.exchange.plan import LineTiming
 from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.renewal import Held, Renewal
 from gateway.exchange.rest import Rest
-from gateway.exchange.silent_units import SilentUnits
+from gateway.exchange.silent_units import Reach, SilentUnits
 from gateway.exchange.transaction import (
     NO_RESPONSE,
-    Answer,
     Phase,
     StopEvent,
     Stopping,
     Transaction,
     Transactions,
 )
-from gateway.modbus.pdu import ExceptionCode
 
 HAS_NO_TURN: Final = 1 << 62
 """Instant of what waits for somebody else's turn and not for time."""
@@ -49,6 +50,7 @@ class Turns:
     """The turns of one line.
 
     Args:
+        axes: of the line.
         timing: of the line.
         units: the register maps of the line.
         waiting: what waits for the line.
@@ -61,16 +63,18 @@ class Turns:
 
     def __init__(
         self,
+        axes: Sequence[Axis],
         timing: LineTiming,
         units: Units,
         waiting: WaitingQueue,
+        *,
         transactions: Transactions,
         silent_units: SilentUnits,
-        *,
         rest: Rest,
         renewal: Renewal,
         is_serial: bool,
     ) -> None:
+        self._unit_ids = tuple(dict.fromkeys(axis.plan.unit_id for axis in axes))
         self._units = units
         self._waiting = waiting
         self._transactions = transactions
@@ -195,6 +199,31 @@ class Turns:
             return False
         return held is Held.ALL or not transaction.only_reads
 
+    def held_read(self, now_ns: int) -> Transaction | None:
+        """Return a read that asks a drive whether it is there, while nothing else may go; None: not now."""
+        if self._renewal.held is not Held.ALL:
+            return None
+        until_ns, own = HAS_NO_TURN, None
+        for unit_id in self._unit_ids:
+            read = trial_read(self._units.axes_of(unit_id))
+            if read is None:
+                continue
+            silence = self._silent_units.silences.get(unit_id)
+            dead = silence if silence is not None and silence.reach is Reach.DEAD else None
+            due_ns = self._silent_units.free_ns(unit_id, now_ns, is_read=True)
+            if dead is not None and self._silent_units.backs_off:
+                due_ns = max(due_ns, dead.due_ns)
+            if due_ns > now_ns:
+                until_ns = min(until_ns, due_ns)
+                continue
+            if dead is not None:
+                dead.try_again(now_ns)
+            own = Transaction(None, 0, unit_id, read.pdu, now_ns)
+            own.need(read)
+            break
+        self.wake_at(until_ns)
+        return own
+
     # --- stops -----------------------------------------------------------------------------------------
 
     def overtake(self, stop: Transaction, stops: list[AxisCommand], now_ns: int) -> None:
@@ -209,7 +238,7 @@ class Turns:
             lambda each: not each.is_denied and is_acting_on(self._units, each, axes)
         )
         for transaction in acts:
-            self.end_overtaken(transaction, OVERTAKEN, now_ns)
+            self._transactions.overtaken(transaction, OVERTAKEN, now_ns)
         current = self._transactions.current
         if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
             current.overtake(OVERTAKEN)
@@ -229,13 +258,6 @@ class Turns:
         if self._stop_from_ns(stop) > now_ns:
             self._silent_units.thin_out(stop, now_ns)
         return True
-
-    def end_overtaken(self, transaction: Transaction, why: str, now_ns: int) -> None:
-        """Withdraw what a stop has overtaken; its controller still waits, and is told (M3)."""
-        code = ExceptionCode.SERVER_DEVICE_BUSY
-        self._transactions.finish(
-            transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, withdrawn=why
-        )
 
     def is_early(self, stop: Transaction, now_ns: int) -> bool:
         """Whether a late frame may come in the place of the reply to a stop, or meet it on the wire."""

@@ -180,13 +180,13 @@ class _Line(DriveLink):
             began_ns = min([known.t, *seen_ns])
             self._exchange.link_up(began_ns - int(self.plan.timing.connect_delay_ms * NS_PER_MS))
             self._exchange.tick(began_ns)
-            self._exchange.resume_link(known.up_ns, closes_soon=False, has_closed_soon=False)
+            self._exchange.link_state.resume(known.up_ns, closes_soon=False, has_closed_soon=False)
         drives = _Drives(self.axes, places)
         while self.outputs:
             sent = self.outputs.popleft()
             if isinstance(sent, traffic.Sent):
                 self._exchange.reply(sent.unit, drives.answer(sent.unit, bytes.fromhex(sent.pdu)), known.t)
-        self._exchange.resume_link(
+        self._exchange.link_state.resume(
             known.up_ns, closes_soon=known.closes_soon, has_closed_soon=known.has_closed_soon
         )
 

@@ -4,7 +4,7 @@ import doctest
 
 import pytest
 
-from bench import figures, report, serial_times
+from bench import figures, machine, report, serial_times
 from bench.figures import Interval, Judged, Round, Verdict, added, added_ratio, quantile, ratio, verdict
 from bench.scenarios import hot
 
@@ -88,7 +88,7 @@ def test_wire_times_are_characters_by_bits_by_baud() -> None:
     assert serial_times.round_trip_ns(115200, 2) == pytest.approx(3_645_833.3, abs=0.1)
 
 
-@pytest.mark.parametrize("module", [figures, report, serial_times, hot])
+@pytest.mark.parametrize("module", [figures, machine, report, serial_times, hot])
 def test_examples_in_docstrings(module: object) -> None:
     found = doctest.testmod(module)  # type: ignore[arg-type]
     assert (found.failed, found.attempted > 0) == (0, True)

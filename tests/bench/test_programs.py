@@ -7,6 +7,7 @@ import select
 import shutil
 import socket
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -16,6 +17,8 @@ from pathlib import Path
 import pytest
 
 from bench.building import Programs, build_programs
+from bench.instructions import counted, counter_refusal
+from bench.processes import cpu_ns
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from gateway.simulator.pty import Pty
@@ -230,6 +233,35 @@ def test_the_wire_carries_bytes_both_ways_and_says_where_it_was_silent_inside_of
                 os.close(end)
     # Half of 1.75 ms stands between two frames.
     assert all(at_ns > 0 and 0 < pause_ns < 875_000 for at_ns, pause_ns in json.loads(said))
+
+
+def test_how_fast_system_calls_are(programs: Programs) -> None:
+    done = subprocess.run(
+        [str(programs.calls), "3"], capture_output=True, text=True, check=True, timeout=PATIENCE_S
+    )
+    taken_ns = json.loads(done.stdout)
+    assert list(taken_ns) == ["getppid", "pipe", "epoll", "process"]
+    # Two calls take longer than one that does nothing, and another process longer than two calls.
+    assert 0 < taken_ns["getppid"] < taken_ns["pipe"] < taken_ns["process"]
+    assert taken_ns["getppid"] < taken_ns["epoll"]
+
+
+def test_the_counter_counts_what_a_process_does_meanwhile(programs: Programs) -> None:
+    spinning = [sys.executable, "-c", "print('here', flush=True)\nwhile True: pass"]
+    with started(spinning, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+
+        def wait() -> None:
+            before_ns = cpu_ns(process.pid)
+            give_up_s = time.monotonic() + PATIENCE_S
+            while cpu_ns(process.pid) < before_ns + 20_000_000:
+                assert time.monotonic() < give_up_s, "it does not run"
+
+        # Processor time, which every machine counts: of its instructions a virtual one often knows nothing.
+        assert counted(programs.counter, [process.pid], wait, "task-clock") >= 20_000_000
+    refusal = counter_refusal(programs.counter)
+    assert refusal == "" or refusal.startswith("perf_event_open: ")
 
 
 def waits_of(pid: int) -> int:

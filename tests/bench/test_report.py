@@ -6,7 +6,7 @@ from bench.figures import Interval, Judged, Round
 from bench.places import BENCH
 from bench.report import markdown, terminal
 from bench.results import Goal, Section, Table, latency_table
-from bench.scenarios import hot, tcp
+from bench.scenarios import hot, regimes, tcp
 
 GOALS = [
     Goal("one thing ÷ another", 1.0, Interval(0.85, 0.8, 0.9), Judged.LOW, "a remark"),
@@ -80,6 +80,24 @@ def test_the_goals_over_tcp_are_judged_on_one_processor() -> None:
     # added: compiled 10, not compiled 18, socat 20, modbus-proxy 100, pymodbus 200; the second is 20 ÷ 30
     assert found == pytest.approx([0.5, 2 / 3, 1.5, 0.1, 0.05, 0.9, 0.18, 0.09])
     assert goals[5].remark == "wherever the system puts them: 2.00 [2.00, 2.00]"
+
+
+def test_the_goals_of_a_controller_with_a_period_are_judged_on_one_processor() -> None:
+    def found(compiled: float, plain: float, used: float) -> regimes.Found:
+        medians = {"direct": 10.0, "socat": 30.0, "gateway compiled": compiled, "gateway": plain}
+        trips = {name: [Round.same(us)] * 3 for name, us in medians.items()}
+        of_each = {"relay in C": 4000.0, "gateway compiled": used, "gateway": 2 * used}
+        costs = {name: [Round.same(ns)] * 3 for name, ns in of_each.items()}
+        at_each = dict.fromkeys(regimes.REGIMES, trips)
+        return regimes.Found(at_each, dict.fromkeys(regimes.REGIMES, costs), {})
+
+    goals = regimes.goals(found(40.0, 60.0, 70_000.0), found(50.0, 70.0, 0.0), "getppid 0.17 µs")
+    estimates = [goal.found.estimate for goal in goals if goal.found is not None]
+    # Added: socat 20, compiled 30, not compiled 50; the second is 40 ÷ 30.
+    assert estimates == pytest.approx([1.5, 4 / 3, 2.5, 1.5, 70.0, 2.5, 140.0])
+    assert [goal.limit for goal in goals] == [1.1, 1.5, 3.0, 1.5, 80.0, 3.5, 200.0]
+    assert goals[0].remark == "wherever the system puts them: 2.00 [2.00, 2.00]"
+    assert goals[4].remark == "the relay's in C: 4.00 [4.00, 4.00]; getppid 0.17 µs"
 
 
 @pytest.mark.parametrize(

@@ -518,7 +518,7 @@ def test_what_was_sent_before_a_loss_does_not_let_go_of_its_block() -> None:
 
 WIRE_WALK: Final = """
             nothing target motion
-target-sent target  target target
+target-sent target  target .
 motion-sent motion  motion .
 ended       .       nothing nothing
 """

@@ -156,6 +156,25 @@ def test_the_record_is_written_before_the_frame_goes_out_and_again_after_the_rep
     assert said(records).nominal_counts == 60_000
 
 
+def test_several_targets_of_an_axis_in_one_frame_leave_none_that_a_record_could_name() -> None:
+    """It may be on its way to any of the three: what is named has to be all that is open."""
+    fields = [COMMAND, *(PositionField(COMMAND.address + 2 * i, RegisterType.INT32) for i in (1, 2))]
+    records = Records()
+    bench = Bench(axis_plan(command=tuple(fields)), before_up=records.attach)
+    bench.ask(write(COMMAND, 50_000))
+    bench.memory.put(ACTUAL, 50_010)
+    bench.actual()
+    assert said(records).has_target
+    targets = b"".join(field.pack(counts) for field, counts in zip(fields, (1, 2, 3), strict=True))
+    pdu = b"\x10" + COMMAND.address.to_bytes(2, "big") + b"\x00\x06\x0c" + targets
+    bench.send(pdu)
+    while bench.link.sent[0][1][0] != 0x10:
+        bench.line.reply(1, bench.memory.answer(bench.link.take()), bench.now_ns)
+    assert records.read() is None
+    bench.line.reply(1, pdu[:5], bench.now_ns)
+    assert said(records).nominal_counts == 3
+
+
 @pytest.mark.parametrize("is_alarmed", [True, False])
 def test_an_alarm_or_a_lost_reference_ends_the_record(is_alarmed: bool) -> None:
     bench, records = staged(staged_plan(referenced=Reference.DRIVE_BIT))

@@ -35,6 +35,10 @@ FILES: Final = (
     ROOT / "gateway" / "exchange" / "axis" / "interlock.py",
     ROOT / "gateway" / "exchange" / "axis" / "acknowledge.py",
     ROOT / "gateway" / "exchange" / "axis" / "registers.py",
+    ROOT / "gateway" / "exchange" / "effects.py",
+    ROOT / "gateway" / "exchange" / "group.py",
+    ROOT / "gateway" / "exchange" / "decode.py",
+    ROOT / "gateway" / "exchange" / "turns.py",
     ROOT / "gateway" / "exchange" / "transaction.py",
 )
 """What decides a move, and whether a frame leaves."""

@@ -41,16 +41,11 @@ NOT_MET: Final[dict[str, str]] = {
     "row moving + acknowledged": NO_TABLE,
     **dict.fromkeys(
         (
-            "row may-have-left + acknowledged",
-            "row may-have-left + displaced",
-            "row may-have-left + link-lost",
             "row may-have-left + reference-changed",
             "row may-have-left + stopped",
-            "row at-rest + link-lost",
             "row at-rest + reference-changed",
             "row at-rest + stopped",
             "row superseded + stopped",
-            "row in-window + reference-changed",
         ),
         NO_WAY,
     ),

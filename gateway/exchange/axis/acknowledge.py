@@ -75,7 +75,7 @@ ON_WIRE_AFTER: Final[dict[OnWire, dict[WireEvent, OnWire | None]]] = {
         WireEvent.ENDED: OnWire.NOTHING,
     },
     OnWire.MOTION: {
-        WireEvent.TARGET_SENT: OnWire.TARGET,
+        WireEvent.TARGET_SENT: IGNORED,  # one more in the same frame: a record can name none of them
         WireEvent.MOTION_SENT: IGNORED,
         WireEvent.ENDED: OnWire.NOTHING,
     },
@@ -201,7 +201,7 @@ class Acknowledgement:
     def send(self, target: Rendering | None) -> None:
         """A target leaves; None: it is named when it ends otherwise than as usual (:meth:`name`)."""
         self.happens(WireEvent.TARGET_SENT)
-        self.pending = target
+        self.pending = target if self.on_wire is _TARGET else None
 
     def send_motion(self) -> None:
         """Something leaves that moves the axis in a way that its record does not say."""

@@ -6,12 +6,16 @@ homing, an alarm or a lost reply takes that away again. Of an axis that has arri
 tells on which branch the next target lies, however short that way; of any other a reading has to tell, or the
 branch is flagged (``render``).
 
-What is seen counts only where it cannot be of the time before: a sample is as old as the sending of its
-request, and a done bit may be that of the move before until it was seen to fall or the drive has had the time
+Three words. The *branch* is the side from which the axis came to where it stands: with rising positions, or
+with falling ones. Its *way* is the stretch from where it set out to its target. A *stream* is a drive that is
+given setpoints one after the other, and lags behind them.
+
+What is seen counts only where it cannot be of the time before. A reading counts from when its request was
+sent. A done bit may be that of the move before until it was seen to fall or the drive has had the time
 to let it fall (:class:`Said`).
 
 :class:`Motion` is the machine. What belongs to a state is set with it in :meth:`Motion.enter`, and nowhere
-else: the target that was not acknowledged is there exactly in ``UNACKNOWLEDGED``, that of before a loss
+else: the target that was not acknowledged is there exactly in ``UNACKNOWLEDGED``, the target of before a loss
 exactly in ``SUPERSEDED``, and the accepted target (``gateway.compensation``) exactly in :data:`TARGETED`.
 """
 
@@ -50,7 +54,7 @@ class MotionState(Enum):
     """A stop came after the last target: it stands somewhere, on the branch of that target."""
     SUPERSEDED = "superseded"
     """The last target means nothing any more, but its words are kept: the reference has changed since, or its
-    drive could not be reached, or was silent for long. Where the axis is seen to stand there a repeat of that
+    drive could not be reached, or was silent for long. If the axis is seen to stand there, a repeat of that
     target is the same words, and moves nothing (:class:`Keeping`)."""
     UNACKNOWLEDGED = "unacknowledged"
     """A target was sent and not acknowledged: the drive may hold it or not. It may have said done since."""
@@ -62,11 +66,12 @@ class MotionState(Enum):
     IN_WINDOW = "in-window"
     """Its actual position was seen in the window; its drive has not said done."""
     ARRIVED = "arrived"
-    """Both, or the drive's word alone where no actual position is mapped."""
+    """Its drive says done, and it was seen in the window; or done alone, where no position is mapped."""
     MAY_HAVE_LEFT = "may-have-left"
-    """Done fell after that: a motion that is not of our making, or the bit has flickered."""
+    """Its drive had said done, and says so no more: something else moves it, or the bit has flickered."""
     AT_REST = "at-rest"
-    """Done rose after that, or it was seen beside its target: it stands, there or elsewhere."""
+    """It stands, at its target or elsewhere: done rose after ``MAY_HAVE_LEFT``, or it was seen beside its
+    target after ``ARRIVED``."""
 
 
 # A member is looked up slowly, and these are asked for with each move.
@@ -142,9 +147,9 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.DONE: IGNORED,
         MotionEvent.DONE_ALONE: IGNORED,
         MotionEvent.NOT_DONE: IGNORED,
-        MotionEvent.IN_WINDOW: IGNORED,  # a dry run ends that was never given a target
-        # Not executed: no target is open. Link lost, reference changed: there is no target to keep.
-        # Beside, elsewhere: of what?
+        MotionEvent.IN_WINDOW: IGNORED,  # the end of a dry run (``Axis.end_dry_run``) that got no target
+        # Not executed: no target is open. Link lost, reference changed: there is no target to keep, so both
+        # come as displaced. Beside, elsewhere: there is no accepted target to compare with.
     },
     MotionState.STOPPED: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,
@@ -154,20 +159,21 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.DONE: IGNORED,  # as of ``UNKNOWN``
         MotionEvent.DONE_ALONE: IGNORED,
         MotionEvent.NOT_DONE: IGNORED,
-        # The others as of ``UNKNOWN``; and no dry run ends of which nobody knows where the axis stands.
+        # Not executed, link lost, reference changed, beside, elsewhere: as of ``UNKNOWN``. In window: no
+        # dry run ends while nobody knows where the axis stands.
     },
     MotionState.SUPERSEDED: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,
         MotionEvent.NOT_ACKNOWLEDGED: MotionState.UNACKNOWLEDGED,
         MotionEvent.STOPPED: MotionState.UNKNOWN,  # the branch of a target that means nothing says nothing
         MotionEvent.DISPLACED: MotionState.UNKNOWN,
-        MotionEvent.LINK_LOST: MotionState.SUPERSEDED,  # once more: what it was lost by first is kept
+        MotionEvent.LINK_LOST: MotionState.SUPERSEDED,  # once more: the first loss stays the reason
         MotionEvent.REFERENCE_CHANGED: MotionState.SUPERSEDED,
         MotionEvent.DONE: IGNORED,  # as of ``UNKNOWN``
         MotionEvent.DONE_ALONE: IGNORED,
         MotionEvent.NOT_DONE: IGNORED,
         MotionEvent.ELSEWHERE: MotionState.UNKNOWN,  # it was moved since: the same words would not help
-        # In the window and beside are asked for when a target comes (``seen_at_superseded``), not told.
+        # In window, beside: no events here; a target that comes asks for them (``seen_at_superseded``).
     },
     MotionState.UNACKNOWLEDGED: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,  # the next target, or a proof that this one was taken
@@ -178,7 +184,7 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.DONE: MotionState.UNACKNOWLEDGED,  # it stands at one of two places
         MotionEvent.DONE_ALONE: MotionState.UNACKNOWLEDGED,
         MotionEvent.NOT_DONE: IGNORED,  # it goes there, or has: what it was said to be done with stays said
-        # Link lost, reference changed: the target of before is not known to be held any more.
+        # Link lost, reference changed: come as displaced, for nobody knows which target its drive holds.
         # Where it is seen proves the target, or that it did not run (``Proof``); it is no event before.
     },
     MotionState.MOVING: {
@@ -263,10 +269,11 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.IN_WINDOW: MotionState.ARRIVED,
         MotionEvent.BESIDE: IGNORED,
         MotionEvent.ELSEWHERE: MotionState.UNKNOWN,
-        # Done alone: it is come to by a reading, or by done where readings follow.
+        # Done alone: an axis without an actual position never comes here.
     },
 }
-"""What each event makes of each state; a pair that is not here cannot be."""
+"""What each event makes of each state. ``IGNORED``: nothing happens, and what belongs to the state stays. The
+state itself: it is entered anew, with what the event brings. A pair that is not here cannot be."""
 
 
 class Said(Enum):
@@ -429,7 +436,7 @@ class Motion:
         try:
             after = MOTION_AFTER[self.state][event]
         except KeyError:
-            self._on_fault(sentence_of("motion", self.state, event))  # which enters ``UNKNOWN``
+            self._on_fault(sentence_of("motion", self.state, event))  # ``_on_fault`` enters ``UNKNOWN``
             return
         if after is IGNORED:
             return
@@ -548,7 +555,7 @@ class Motion:
     def leave_unacknowledged(self, rendering: Rendering, now_ns: int) -> None:
         """A target that means something else than before was sent, and was not acknowledged."""
         unacknowledged, before = self.unacknowledged, self.unacknowledged or self.compensation.accepted
-        if before is not None:  # who is seen near both went to either
+        if before is not None:  # an axis that is seen near both may have gone to either
             distance_counts = abs(rendering.corrected_counts - before.corrected_counts)
             is_beside = 0.0 < distance_counts <= 2.0 * self.plan.settings.hysteresis_counts
             if unacknowledged is not None and not distance_counts:  # the same once more
@@ -625,7 +632,7 @@ class Motion:
     def see_way(self, actual: Actual) -> None:
         """Notice that an axis that nobody had seen for a while is not on its way any more (M4, M6).
 
-        Of one that set out from nobody knows where every place is on it; a stream leaves none.
+        If nobody knows where it set out, every place is on its way; a stream has none to leave.
         """
         low, high = self.compensation.way
         is_known = low < high or self.is_start_known

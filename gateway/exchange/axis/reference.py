@@ -40,7 +40,7 @@ class ReferenceEvent(Enum):
     __hash__ = object.__hash__
 
     BIT_SET = "bit-set"
-    """The bit that decides is set, and is not that of the time before homing."""
+    """The bit that decides is set, and it was set after the homing began."""
     BIT_CLEAR = "bit-clear"
     """The bit that decides is not set."""
     HOMING = "homing"
@@ -62,12 +62,12 @@ class ReferenceEvent(Enum):
 _Rows = dict[ReferenceEvent, ReferenceState | None]
 
 REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
-    # Known from the start, over everything but a zero that is moved; no homing is waited for, no bit asked.
+    # Known from the start, whatever happens, until the zero is moved. No homing is waited for, no bit asked.
     Reference.ABSOLUTE: {
         ReferenceState.NOT_REFERENCED: {
             ReferenceEvent.HOMING: IGNORED,
             ReferenceEvent.OTHER_MOTION: IGNORED,
-            ReferenceEvent.SET_AT_REST: IGNORED,  # the drive counts from yet another zero
+            ReferenceEvent.SET_AT_REST: IGNORED,  # it is not referenced already
             ReferenceEvent.SET_MOVING: IGNORED,
             ReferenceEvent.LOSS: IGNORED,
             ReferenceEvent.DECLARED: ReferenceState.REFERENCED,
@@ -165,8 +165,8 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
 }
 """What each event makes of each state, by the way in which it is known; what is not here cannot be.
 
-``BIT_SET``, ``BIT_CLEAR`` and ``SILENCE`` come only where a bit is looked at; ``HOMING`` is a state only
-where something is waited for after that command.
+``BIT_SET``, ``BIT_CLEAR`` and ``SILENCE`` come only with ``DRIVE_BIT``; ``BIT_SET`` also with ``HOMING``,
+where a bit ends a homing. ``HOMING`` is a state only where that end is waited for.
 """
 ASKS_AGAIN: Final = frozenset(
     {
@@ -238,7 +238,7 @@ class AxisReference:
             after = REFERENCE_AFTER[self.kind][self.state][event]
         except KeyError:
             sentence = sentence_of("reference", self.state, event)
-            self._on_fault(sentence)  # which doubts it, where a bit tells it anew
+            self._on_fault(sentence)  # ``_on_fault`` calls :meth:`doubt`, where a bit decides
             return
         if after is not IGNORED:
             self.state = after
@@ -257,7 +257,7 @@ class AxisReference:
         """A homing command went out; ``is_certain``: the drive acknowledged it."""
         self.homing_since_ns = now_ns
         self.happens(ReferenceEvent.HOMING)
-        if not is_certain:
+        if not is_certain:  # nobody knows whether it homes: a bit that is seen next ends nothing
             self.happens(ReferenceEvent.OTHER_MOTION)
 
     def see_homed_bit(self, now_ns: int, *, is_set: bool) -> None:

@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
-from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through.delay import (
     CRC_BYTES,
     REMEMBERED,
@@ -26,13 +25,14 @@ from gateway.exchange.cut_through.delay import (
     margin_ns,
 )
 from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough, Pace
+from gateway.exchange.cut_through.line import ForwardingLine
 from gateway.exchange.cut_through.replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.cut_through.requests import WRITE, Heads, RequestJudge, beginning_of, shape_of
 from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import ReadPath, WritePath
 from gateway.exchange.ports import ControllerPort, DriveLink, Stamps
 from gateway.exchange.tap import Tap
-from gateway.exchange.transaction import FastPath, Phase, Step, Transaction, Transactions
+from gateway.exchange.transaction import FastPath, Phase, Transaction
 from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
 from gateway.modbus.rtu_line import pause_ns
 from gateway.times import NS_PER_MS, NS_PER_US
@@ -104,27 +104,11 @@ class Totals:
         }
 
 
-class ForwardingLine(NamedTuple):
-    """What a line does for a request that leaves while it arrives. Times are in ns."""
-
-    may_forward: Callable[[ControllerPort, int], bool]
-    """Whether a request of a port may begin to leave now, if it is one of those that may."""
-    begin: Callable[[ControllerPort, bytes, int], Transaction | None]
-    """A request begins to leave that is expected to be this one: unit id and PDU."""
-    commit: Callable[[FastPath, bytes, SteadyTarget | None, int], bytes | None]
-    """All of it has come: let its rest leave, on its fast path; see ``RequestJudge``."""
-    forward_last: Callable[[Transaction, int, bytes, bytes, int], None]
-    """Its rest leaves: unit id, PDU as it left, last bytes."""
-    spoilt: Callable[[int, int], None]
-    """It was spoilt: nothing is sent before the first instant, when the silence behind it is over."""
-
-
 class Forwarding:
     """Cut-through on one line.
 
     Args:
         line: what it does for a request that leaves while it arrives.
-        transactions: of the line; pieces of requests leave there.
         link: the way to the drives, asked when what was sent was written.
         units: the register maps of the line.
         wire: of the drives.
@@ -133,13 +117,13 @@ class Forwarding:
         on_change: called when a frame has gone on that was cut through: the deadline of the line may be
             another.
         tell_no_gain: told once for each port and direction that cut-through gains nothing there, and why.
+        tell_fault: told a sentence of what cannot be.
         tap: listens. What is no whole frame yet it does not hear.
     """
 
     def __init__(
         self,
         line: ForwardingLine,
-        transactions: Transactions,
         link: DriveLink,
         units: Units,
         wire: Wire,
@@ -148,11 +132,11 @@ class Forwarding:
         stored_units: frozenset[int],
         on_change: Callable[[], None],
         tell_no_gain: Callable[[str], None],
+        tell_fault: Callable[[str], None],
         tap: Tap | None,
     ) -> None:
         self.tap = tap
         self.line = line
-        self.transactions = transactions
         self.link = link
         self.units = units
         self.wire = wire
@@ -165,6 +149,7 @@ class Forwarding:
         """Frames inside of which the transmitter was empty."""
         self.on_change = on_change
         self.tell_no_gain = tell_no_gain
+        self.tell_fault = tell_fault
         self._told: set[tuple[str, str]] = set()
         self._reply_way = ReplyWay(self)
         self.drives = self._reply_way.forwarder
@@ -441,7 +426,7 @@ class RequestWay(Way):
         line = forwarding.line
         judge = RequestJudge(self.port, forwarding.units, self.heads, line.may_forward, line.commit)
         pace = _pace(self.wire, forwarding.wire, longest_ns)
-        return CutThrough(RequestArrival(), judge, pace, on_event, forwarding.transactions.tell_fault)
+        return CutThrough(RequestArrival(), judge, pace, on_event, forwarding.tell_fault)
 
     def opened(self, expected: bytes, now_ns: int) -> None:
         """See ``Way``."""
@@ -449,11 +434,12 @@ class RequestWay(Way):
 
     def send(self, frame: CutThrough, piece: bytes, now_ns: int) -> Stamps:
         """See ``Way``."""
-        forwarding, transaction, left = self.forwarding, self._transaction, frame.left
+        forwarding, transaction = self.forwarding, self._transaction
         if transaction is not None and frame.state is Cut.WHOLE:
-            forwarding.line.forward_last(transaction, left[0], left[1:-CRC_BYTES], piece, now_ns)
+            forwarding.line.forward_last(transaction, frame.left[1:-CRC_BYTES], piece, now_ns)
+            forwarding.expect(transaction)
         elif transaction is not None:
-            forwarding.transactions.send(transaction, Step.PIECE, left[0], b"", now_ns, piece=piece)
+            forwarding.line.forward(transaction, piece, now_ns)
         return forwarding.link.stamps
 
     def gained(self, expected: bytes, gain_ns: int) -> None:
@@ -519,7 +505,7 @@ class ReplyWay(Way):
         self._judge = ReplyJudge(transaction, asked.replies)
         arrival = ReplyArrival(transaction.wire_unit_id, transaction.pdu)
         pace = _pace(self.forwarding.wire, asked.wire, longest_ns)
-        return CutThrough(arrival, self._judge, pace, on_event, self.forwarding.transactions.tell_fault)
+        return CutThrough(arrival, self._judge, pace, on_event, self.forwarding.tell_fault)
 
     def send(self, frame: CutThrough, piece: bytes, now_ns: int) -> Stamps:
         """See ``Way``."""

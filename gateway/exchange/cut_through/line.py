@@ -1,0 +1,121 @@
+"""What a line does for a request that leaves while it arrives: it has the line as one that has left."""
+
+from collections.abc import Callable
+
+from gateway.exchange.axis.acknowledge import SteadyTarget
+from gateway.exchange.cut_through.requests import leave_on
+from gateway.exchange.link_state import LinkState
+from gateway.exchange.plan import LineTiming
+from gateway.exchange.ports import ControllerPort, DriveLink
+from gateway.exchange.queue import WaitingQueue
+from gateway.exchange.rest import Rest
+from gateway.exchange.silent_units import SilentUnits
+from gateway.exchange.tap import Tap
+from gateway.exchange.transaction import FastPath, Step, Transaction, Transactions
+from gateway.exchange.turns import Turns
+from gateway.times import NS_PER_MS
+
+
+class ForwardingLine:
+    """What a line does for a request that leaves while it arrives.
+
+    Args:
+        timing: of the line.
+        link: the way to the drives.
+        waiting: what waits for the line.
+        transactions: of the line.
+        turns: who goes next.
+        silent_units: who does not answer.
+        link_state: whether the drives can be reached.
+        rest: the pauses of the line.
+        go_on: has the line start what waits.
+        tap: listens.
+    """
+
+    def __init__(
+        self,
+        timing: LineTiming,
+        link: DriveLink,
+        waiting: WaitingQueue,
+        *,
+        transactions: Transactions,
+        turns: Turns,
+        silent_units: SilentUnits,
+        link_state: LinkState,
+        rest: Rest,
+        go_on: Callable[[int], None],
+        tap: Tap | None,
+    ) -> None:
+        self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
+        self._link = link
+        self._waiting = waiting
+        self._transactions = transactions
+        self._turns = turns
+        self._silent_units = silent_units
+        self._link_state = link_state
+        self._rest = rest
+        self._go_on = go_on
+        self._tap = tap
+
+    def may_forward(self, port: ControllerPort, now_ns: int) -> bool:
+        """Whether a request of a port may begin to leave now: what would go out at once, if all had come."""
+        if self._transactions.current is not None or self._rest.until_ns is not None:
+            return False
+        if not self._link_state.is_up or self._link_state.is_stopping:
+            return False
+        if self._silent_units.silences or not self._waiting.only_others:
+            return False
+        return port.is_motion and port.gate is None and self._link.may_forward(now_ns)
+
+    def begin(self, port: ControllerPort, expected: bytes, now_ns: int) -> Transaction | None:
+        """A request begins to leave that is expected to be this one: unit id and PDU.
+
+        Whatever comes meanwhile waits, as for one that has left (W6).
+        """
+        if self._turns.gaps.is_watching:
+            self._turns.note_motion(now_ns)
+        transaction = Transaction(port, 0, expected[0], expected[1:], now_ns)
+        return transaction if self._transactions.begin(transaction) else None
+
+    def forward(self, transaction: Transaction, piece: bytes, now_ns: int) -> None:
+        """Bytes of it leave, with which it is not whole."""
+        unit_id = transaction.unit_id
+        self._transactions.send(transaction, Step.PIECE, unit_id, b"", now_ns, piece=piece)
+
+    def commit(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
+        """All of it has come in this moment: let its rest leave, on its fast path; see ``RequestJudge``."""
+        transaction = self._transactions.current
+        assert transaction is not None
+        port = transaction.port
+        assert port is not None
+        self._transactions.come_whole(transaction, port, pdu, now_ns)
+        sent_pdu = leave_on(path, transaction, target, now_ns)
+        if sent_pdu is not None:
+            if self._tap is not None:  # as if it had been stored
+                self._tap.request(port, transaction.transaction_id, transaction.unit_id, pdu, now_ns)
+            transaction.take(path)
+        return sent_pdu
+
+    def forward_last(self, transaction: Transaction, pdu: bytes, piece: bytes, now_ns: int) -> None:
+        """Its last bytes leave; ``pdu``: what has left with them."""
+        path, port, unit_id = transaction.path, transaction.port, transaction.unit_id
+        assert path is not None
+        assert port is not None
+        patience_ns = max(self._response_timeout_ns, port.patience_ns)
+        self._transactions.send(
+            transaction, Step.LAST_PIECE, unit_id, pdu, now_ns, patience_ns=patience_ns, piece=piece
+        )
+        if transaction.target is not None:
+            path.left(transaction)
+
+    def spoilt(self, until_ns: int, now_ns: int) -> None:
+        """It was spoilt: nothing is sent before the silence behind it is over.
+
+        If all of it comes it is a request as any other, behind the silence.
+        """
+        transaction, self._transactions.current = self._transactions.current, None
+        assert transaction is not None
+        self._transactions.never_left(transaction, now_ns)
+        self._rest.spoil(until_ns)
+        self._turns.gaps.ended(transaction, now_ns, until_ns)
+        self._go_on(now_ns)
