@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from gateway.compiled import is_compiled
+from gateway.exchange.axis import impossible
 from gateway.exchange.axis.record_layout import Remembered
 from gateway.exchange.commands import Disable
 from gateway.exchange.cut_through.delay import (
@@ -25,6 +27,7 @@ from gateway.exchange.cut_through.delay import (
 )
 from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.cut_through.requests import STORED_FOR, WEIGHED_AT_LEAST, Heads
+from gateway.exchange.events import EventKind
 from gateway.exchange.latency import bucket_of
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, OtherUnits
 from gateway.exchange.transaction import Phase
@@ -714,3 +717,40 @@ def test_w12_an_odd_frame_begins_like_a_read_and_goes_whole() -> None:
     line.pass_to(began_ns + 50 * MS)
     # Eleven characters, 3.5 of silence behind the last one, and 30 in which an adapter may hold more back.
     assert line.to_drives(began_ns) == [(44.5, odd.hex(" "))]
+
+
+# --- what cannot be ---------------------------------------------------------------------------------------
+
+
+def test_what_cannot_be_is_told_and_counted_and_the_line_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    if is_compiled():
+        pytest.skip("the switch is no attribute of what is compiled")
+    monkeypatch.setattr(impossible, "_is_raised", False)
+    line = site()
+    line.measure(acknowledgement_shape(), of_replies=True)
+    frame = frame_of(NEXT)
+    began_ns = line.come(frame[:8])
+    line.forwarder.end(CutEvent.KEPT, line.bench.now_ns)
+    line.come(frame[8:])
+    # Spoilt at 8, it has its full length, and goes stored behind the silence.
+    line.pass_to(began_ns + 40 * MS)
+    left = line.to_drives(began_ns)
+    ends_spoilt([each for each in left if each[0] < 27.7])
+    assert left[-1][1] == " ".join(data for _, data in WHOLE)
+    # Bytes of its reply have left when that happens to it: its controller hears no frame.
+    line.answer(ACKNOWLEDGED[:1])
+    line.pass_to(line.bench.now_ns + MS)
+    line.answer(ACKNOWLEDGED[1:2])
+    line.pass_to(line.bench.now_ns + MS)
+    line.answer(ACKNOWLEDGED[2:3])
+    assert line.cnc.left
+    line.forwarding.end_reply(CutEvent.KEPT, line.bench.now_ns)
+    ends_spoilt(line.to_cnc(began_ns), length=8)
+    line.answer(ACKNOWLEDGED[3:])
+    assert line.line.is_idle
+    assert line.line.axes[0].fields[0].nominal_words == NEXT[6:]
+    told = [each.detail for each in line.bench.events if each.kind is EventKind.INTERNAL_FAULT]
+    assert (
+        told == ["cut-through: kept cannot be in leaving"] * 2
+    )  # of an acknowledgement two bytes are the head
+    assert line.line.counters.internal_faults == 2

@@ -27,6 +27,9 @@ of :class:`Cut`, and goes from one to the next only as :data:`CUT_AFTER` says. T
 What a spoilt frame was meant to be is not known here. Where all of it came, and its check sum was good, it is
 still a request: whoever owns this lets it take the way of one that was stored, after the silence that a
 spoilt frame wants. The drive has had nothing of it that it could take for a frame.
+
+A pair of state and event without a row in the table cannot be. Tests raise it (``axis.impossible``). At a
+machine it is told, and goes the safest way (:data:`SAFEST`): what has left becomes no frame.
 """
 
 from collections.abc import Callable, Mapping
