@@ -106,7 +106,7 @@ class Ownership:
                     continue
                 _hold_on(command.axis, port.writer, now_ns)
                 _note_jog(command, port.writer)
-                if has_stop:
+                if has_stop and request.frame.unit.has_rules:
                     _note_beside_stop(command, request, port)
 
     def lose(self, transaction: Transaction, code: int, loss: Loss) -> None:
