@@ -29,8 +29,8 @@ from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.cut_through.requests import STORED_FOR, WEIGHED_AT_LEAST, Heads
 from gateway.exchange.events import EventKind
 from gateway.exchange.latency import bucket_of
-from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, OtherUnits
-from gateway.exchange.transaction import Phase
+from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, ControllerPlan, OtherUnits
+from gateway.exchange.transaction import PHASE_AFTER, Phase, Step
 from gateway.modbus.crc import INVERTED, is_intact, residue_after
 from gateway.modbus.registers import BitField
 from gateway.modbus.rtu import RtuRequestDecoder
@@ -754,3 +754,24 @@ def test_what_cannot_be_is_told_and_counted_and_the_line_goes_on(monkeypatch: py
         told == ["cut-through: kept cannot be in leaving"] * 2
     )  # of an acknowledgement two bytes are the head
     assert line.line.counters.internal_faults == 2
+
+
+def test_a_request_that_its_line_does_not_let_begin_takes_nothing_of_another_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    if is_compiled():
+        pytest.skip("the switch is no attribute of what is compiled")
+    monkeypatch.setattr(impossible, "_is_raised", False)
+    monkeypatch.delitem(PHASE_AFTER[Phase.WAITING], Step.BEGINS)
+    line, frame = site(), frame_of(NEXT)
+    other = PiecePort(line, ControllerPlan("mes"))
+    line.come(frame[:9])
+    line.line.request(other, 9, 1, read(ACTUAL), line.bench.now_ns)
+    line.come(frame[9:])
+    line.pass_to(line.bench.now_ns + 60 * MS)
+    assert [pdu for _, pdu in line.link.sent] == [read(ACTUAL)]
+    current = line.line._transactions.current
+    assert current is not None
+    assert (current.port, current.pdu, current.phase) == (other, read(ACTUAL), Phase.SENT)
+    told = [each.detail for each in line.bench.events if each.kind is EventKind.INTERNAL_FAULT]
+    assert told == ["transaction: begins cannot be in waiting"]

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
+from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through.delay import (
     CRC_BYTES,
     REMEMBERED,
@@ -414,7 +415,7 @@ class RequestWay(Way):
         self.replies = Replies(Delays(drives.char_ns, wire.char_ns, margin_ns(wire.char_ns)))
         """What the port is answered."""
         self._transaction: Transaction | None = None
-        """The request that is leaving."""
+        """The request that is leaving; None: none is, or the line did not let it begin."""
 
     def begins(self, silent_ns: int, frame: CutThrough | None) -> bool:
         """See ``Way``."""
@@ -424,13 +425,20 @@ class RequestWay(Way):
         """See ``Way``."""
         forwarding = self.forwarding
         line = forwarding.line
-        judge = RequestJudge(self.port, forwarding.units, self.heads, line.may_forward, line.commit)
+        judge = RequestJudge(self.port, forwarding.units, self.heads, line.may_forward, self._commit)
         pace = _pace(self.wire, forwarding.wire, longest_ns)
         return CutThrough(RequestArrival(), judge, pace, on_event, forwarding.tell_fault)
 
     def opened(self, expected: bytes, now_ns: int) -> None:
         """See ``Way``."""
         self._transaction = self.forwarding.line.begin(self.port, expected, now_ns)
+
+    def _commit(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
+        """Let the rest of the request leave; None: it may not."""
+        transaction = self._transaction
+        if transaction is None:
+            return None
+        return self.forwarding.line.commit(transaction, path, pdu, target, now_ns)
 
     def send(self, frame: CutThrough, piece: bytes, now_ns: int) -> Stamps:
         """See ``Way``."""
@@ -453,12 +461,13 @@ class RequestWay(Way):
 
     def ended(self, frame: CutThrough, filling: bytes, now_ns: int) -> None:
         """See ``Way``."""
-        self._transaction = None
-        if frame.state is Cut.SPOILT:
+        transaction, self._transaction = self._transaction, None
+        if transaction is not None and frame.state is Cut.SPOILT:
             forwarding = self.forwarding
             # Counted from the writing: between reading and writing the process may have stood still.
             written_ns = forwarding.link.stamps.sent_ns + len(filling) * forwarding.wire.char_ns
-            forwarding.line.spoilt(max(frame.empty_ns, written_ns) + forwarding.silence_ns, now_ns)
+            until_ns = max(frame.empty_ns, written_ns) + forwarding.silence_ns
+            forwarding.line.spoilt(transaction, until_ns, now_ns)
 
     def learn(self, frame: CutThrough) -> None:
         """See ``Way``."""

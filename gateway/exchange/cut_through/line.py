@@ -82,10 +82,10 @@ class ForwardingLine:
         unit_id = transaction.unit_id
         self._transactions.send(transaction, Step.PIECE, unit_id, b"", now_ns, piece=piece)
 
-    def commit(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
+    def commit(
+        self, transaction: Transaction, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int
+    ) -> bytes | None:
         """All of it has come in this moment: let its rest leave, on its fast path; see ``RequestJudge``."""
-        transaction = self._transactions.current
-        assert transaction is not None
         port = transaction.port
         assert port is not None
         self._transactions.come_whole(transaction, port, pdu, now_ns)
@@ -108,13 +108,13 @@ class ForwardingLine:
         if transaction.target is not None:
             path.left(transaction)
 
-    def spoilt(self, until_ns: int, now_ns: int) -> None:
+    def spoilt(self, transaction: Transaction, until_ns: int, now_ns: int) -> None:
         """It was spoilt: nothing is sent before the silence behind it is over.
 
         If all of it comes it is a request as any other, behind the silence.
         """
-        transaction, self._transactions.current = self._transactions.current, None
-        assert transaction is not None
+        if self._transactions.current is transaction:
+            self._transactions.current = None
         self._transactions.never_left(transaction, now_ns)
         self._rest.spoil(until_ns)
         self._turns.gaps.ended(transaction, now_ns, until_ns)
