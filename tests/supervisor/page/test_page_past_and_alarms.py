@@ -76,7 +76,8 @@ def test_the_past_is_read_with_pointer_and_keys(visit: Visit) -> None:
 @pytest.mark.parametrize(("chosen", "minutes"), [("1 hour", 60), ("8 hours", 480), ("1 day", 1440)])
 def test_the_span_of_the_past_is_chosen_and_so_is_the_file(visit: Visit, chosen: str, minutes: int) -> None:
     visit.page.wait_for_selector("article.axis .past-span")
-    visit.page.locator(".past-span").select_option(label=chosen)
+    with visit.page.expect_response(lambda each: each.url.endswith(f"?minutes={minutes}")):
+        visit.page.locator(".past-span").select_option(label=chosen)
     visit.until("document.querySelector('.history title').textContent", f"Last {chosen} of axis x")
     file = visit.page.locator(".past-file")
     assert file.get_attribute("href") == f"history/x.csv?minutes={minutes}"
