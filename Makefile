@@ -90,6 +90,9 @@ soak: setup ## what tests repeat, in full (tests/soak.py), and the ledger of 2 0
 	SOAK=1 $(PYTEST) $$(grep -rl --include=*.py "^from tests.soak " tests)
 	$(BIN)/python -m tests.ledger --requests 2000000 --seeds 100
 
+mutants: setup ## breaks the gateway in one place at a time: which world notices? Goes on where it was; MUTANTS="--minutes 140"
+	$(BIN)/python -m tests.verify.mutants $(MUTANTS)
+
 verify: setup ## every state that small worlds around the gateway can reach, each rule in each; at most 30 minutes
 	@$(BIN)/python -m tests.verify
 

@@ -105,7 +105,7 @@ class Walk:
         """Walk until nothing is new, to a depth, or for so long; 0: without that limit."""
         world, outcome, numbers = self.world, self.outcome, self._numbers
         parents, events, event_numbers = self._parents, self._events, self._event_numbers
-        began = time.perf_counter()
+        began = time.process_time()
         first = self._first
         world.restore(first, is_live_known=False)
         self._note(world.key(first), -1, 0)
@@ -118,7 +118,7 @@ class Walk:
             if depth and outcome.depth >= depth:
                 break
             for count, (kept, number) in enumerate(level):
-                if seconds and not count % LOOK_EVERY and time.perf_counter() - began > seconds:
+                if seconds and not count % LOOK_EVERY and time.process_time() - began > seconds:
                     is_out_of_time = True
                     break
                 world.restore(kept)
@@ -151,7 +151,7 @@ class Walk:
         outcome.states = len(parents)
         outcome.is_closed = not level and not following
         self._check_way_back()
-        outcome.seconds += time.perf_counter() - began
+        outcome.seconds += time.process_time() - began
         self._sum_up()
         assert len(events) == len(parents)
         return outcome
@@ -159,7 +159,7 @@ class Walk:
     def along(self) -> Outcome:
         """Walk the traces that the world declares, with each event in each state on them."""
         world, outcome = self.world, self.outcome
-        began = time.perf_counter()
+        began = time.process_time()
         for way in world.design.ways:
             world.restore(self._first, is_live_known=False)
             trace: list[Happening] = []
@@ -192,16 +192,16 @@ class Walk:
             if len(outcome.broken) >= self._most_broken:
                 break
         world.restore(self._first, is_live_known=False)
-        outcome.seconds += time.perf_counter() - began
+        outcome.seconds += time.process_time() - began
         return outcome
 
     def random(self, steps: int, seed: int = 1, seconds: float = 0.0) -> Outcome:
         """Take random steps from the start, again and again."""
         world, outcome, random = self.world, self.outcome, Random(seed)
-        began = time.perf_counter()
+        began = time.process_time()
         first, trace, known = self._first, list[Happening](), len(outcome.broken)
         for step in range(steps):
-            if seconds and not step % LOOK_EVERY and time.perf_counter() - began > seconds:
+            if seconds and not step % LOOK_EVERY and time.process_time() - began > seconds:
                 break
             if step % RANDOM_STEPS == 0:
                 world.restore(first, is_live_known=False)
@@ -217,7 +217,7 @@ class Walk:
                 world.restore(first, is_live_known=False)
                 trace = []
         outcome.broken[known:] = [shortened(world.design, each) for each in outcome.broken[known:]]
-        outcome.seconds += time.perf_counter() - began
+        outcome.seconds += time.process_time() - began
         self._sum_up()
         return outcome
 

@@ -1,12 +1,13 @@
-"""``python -m tests.verify.mutants [FILE...]``: breaks the gateway in one place at a time; who notices?
+"""``make mutants``: breaks the gateway in one place at a time; who notices?
 
-A mutant drops an assignment, a call, a row of a table or a guard that returns, negates a condition, takes
-another member of an enum, or takes ``<`` for ``<=``. Each is loaded in a process of its own, in place of the
-file that it was made of, and the small worlds are walked until one of them breaks a rule, or for so long. No
+Each mutant (``breaking``) is loaded in a process of its own, in place of the file that it was made of. The
+small worlds that run through the broken place are walked until one of them breaks a rule, or for so long. No
 other test is asked. A trace that breaks a rule on the gateway as it is too counts for nothing.
 
-Which mutants are tried is drawn before anything is known of them (``--sample``, ``--seed``), from each file
-as many as its share of all mutants. Left out is only what cannot change anything but the words of a message.
+Verdicts are kept in a file, by a digest of the method that was broken: a run that was stopped goes on where
+it was, and after a change only the mutants of changed methods are tried. Mutants are tried in an order that
+is drawn by lot from their names, so the first hundred are a sample of all. What survives has to be explained,
+in ``mutants_explained.toml``.
 """
 
 import argparse
@@ -14,303 +15,70 @@ import ast
 import importlib.util
 import json
 import multiprocessing
+import resource
 import sys
 import time
+import tomllib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
-from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
 from gateway.compiled import is_compiled
+from tests.verify.breaking import ROOT, Mutant, mutants_of
 
-ROOT: Final = Path(__file__).parents[2]
+_EXCHANGE: Final = ROOT / "gateway" / "exchange"
 FILES: Final = (
-    ROOT / "gateway" / "exchange" / "axis" / "axis.py",
-    ROOT / "gateway" / "exchange" / "axis" / "motion.py",
-    ROOT / "gateway" / "exchange" / "axis" / "reference.py",
-    ROOT / "gateway" / "exchange" / "axis" / "interlock.py",
-    ROOT / "gateway" / "exchange" / "axis" / "acknowledge.py",
-    ROOT / "gateway" / "exchange" / "axis" / "registers.py",
-    ROOT / "gateway" / "exchange" / "effects.py",
-    ROOT / "gateway" / "exchange" / "group.py",
-    ROOT / "gateway" / "exchange" / "decode.py",
-    ROOT / "gateway" / "exchange" / "turns.py",
-    ROOT / "gateway" / "exchange" / "transaction.py",
+    *(_EXCHANGE / "axis" / f"{each}.py" for each in ("motion", "reference", "acknowledge", "interlock")),
+    *(_EXCHANGE / "axis" / f"{each}.py" for each in ("axis", "registers")),
+    *(_EXCHANGE / f"{each}.py" for each in ("effects", "group", "decode", "turns", "transaction")),
+    *(
+        _EXCHANGE / "cut_through" / f"{each}.py"
+        for each in ("frame", "delay", "forward", "line", "requests", "replies")
+    ),
 )
 """What decides a move, and whether a frame leaves."""
-SECONDS: Final = 3.0
-"""Of each world in the second round, half of them breadth first, half at random."""
-FIRST_SECONDS: Final = (0.1, 0.5)
-"""The same in rounds before it: most mutants are noticed at once, in one world or another."""
-LONGER: Final = 8
-"""So many times as long for a world that has killed such a mutant before."""
-LOAD_SECONDS: Final = 20.0
-"""Beside what the worlds may take: to load the gateway, and to find the shortest way."""
+KEPT: Final = ROOT / "build" / "mutants"
+EXPLAINED: Final = Path(__file__).with_name("mutants_explained.toml")
+ROUNDS: Final = (0.1, 0.5)
+"""Seconds of each world in the rounds before the last: most mutants are noticed at once somewhere."""
+SECONDS: Final = 1.5
+"""The same in the last round. Half of each are walked breadth first, half at random."""
+REACH_SECONDS: Final = 2.0
+"""Of each world, to find out which lines it runs through. It is slower then by about four times."""
+SILENT_SECONDS: Final = 40.0
+"""A mutant that walks one world so much longer than it should never ends."""
+MOST_BYTES: Final = 6 << 30
 ENDLESS: Final = 1_000_000_000
 EXAMPLES: Final = """examples:
-  python -m tests.verify.mutants --sample 90 --seed 1 --json build/mutants.json
-  python -m tests.verify.mutants gateway/exchange/axis/registers.py
-  python -m tests.verify.mutants gateway/exchange/silent_units.py --every 3
-  python -m tests.verify.mutants gateway/exchange/cut_through/frame.py --worlds b-rtu-cut-to b-rtu-cut-back
-  python -m tests.verify.mutants gateway/exchange/axis/motion.py --list
+  python -m tests.verify.mutants --most 90                 a sample of ninety
+  python -m tests.verify.mutants --minutes 140             as many as that, then go on another day
+  python -m tests.verify.mutants --summary                 what is known by now
+  python -m tests.verify.mutants gateway/exchange/turns.py --list
+  python -m tests.verify.mutants --named turns:Turns.take --again
 """
-OTHER_COMPARISON: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
-    ast.Lt: ast.LtE,
-    ast.LtE: ast.Lt,
-    ast.Gt: ast.GtE,
-    ast.GtE: ast.Gt,
-    ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-    ast.Is: ast.IsNot,
-    ast.IsNot: ast.Is,
-}
-ENUMS: Final = (
-    "Answer",
-    "Block",
-    "BlockEvent",
-    "Completeness",
-    "Cut",
-    "Known",
-    "MotionEvent",
-    "MotionState",
-    "OnWire",
-    "Outcome",
-    "Phase",
-    "ReferenceEvent",
-    "ReferenceState",
-    "Said",
-    "Step",
-    "StopEvent",
-    "Stopping",
-    "CutEvent",
-    "WireEvent",
-)
-"""Names of enums whose members are taken for each other."""
-
-
-@dataclass(frozen=True)
-class Mutant:
-    """One place of a file that is broken."""
-
-    file: str
-    number: int
-    """Of the place, in the order in which they stand in the file."""
-    line: int
-    what: str
-
-    @property
-    def source(self) -> str:
-        """The whole file, broken there."""
-        return ast.unparse(self.tree())
-
-    def tree(self) -> ast.Module:
-        """The same as a tree, which can be compiled."""
-        path = ROOT / self.file
-        broken = _Breaker(self.number, _members(path)).visit(ast.parse(path.read_text()))
-        assert isinstance(broken, ast.Module)
-        return ast.fix_missing_locations(broken)
 
 
 @dataclass
 class Verdict:
     """What became of a mutant."""
 
-    file: str
-    number: int
+    digest: str
+    name: str
     line: int
-    what: str
     is_killed: bool = False
     world: str = ""
     how: str = ""
+    worlds: int = 0
+    """That run through the broken place."""
+    walked_s: float = 0.0
+    """How long each of them was walked in the last round."""
     seconds: float = 0.0
     misled: int = 0
     """Worlds that broke a rule, and do so without the mutant too: they count for nothing."""
-
-
-class _Breaker(ast.NodeTransformer):
-    """Goes through all places that can be broken, and breaks the one with a certain number; -1: none."""
-
-    def __init__(self, wanted: int, members: dict[str, list[str]]) -> None:
-        self._wanted = wanted
-        self._members = members
-        self._count = -1
-        self.places: list[tuple[int, str]] = []
-        """Line and meaning of each place; listed only where none is broken."""
-
-    def _is_here(self, node: ast.AST, what: Callable[[], str]) -> bool:
-        self._count += 1
-        if self._wanted < 0:
-            self.places.append((getattr(node, "lineno", 0), what()))
-        return self._count == self._wanted
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
-        node.body = self._broken_block(node.body)
-        return node
-
-    def _broken_block(self, body: list[ast.stmt]) -> list[ast.stmt]:
-        found: list[ast.stmt] = []
-        for statement in body:
-            found += self._broken(statement)
-        return found or [ast.Pass()]
-
-    def _broken(self, statement: ast.stmt) -> list[ast.stmt]:
-        def shown(kind: str) -> Callable[[], str]:
-            return lambda: f"{kind}: {ast.unparse(statement).splitlines()[0]}"
-
-        if isinstance(statement, ast.Assign | ast.AugAssign):
-            target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
-            if isinstance(target, ast.Attribute | ast.Subscript) and self._is_here(
-                statement, shown("dropped")
-            ):
-                return []
-        is_call = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Call)
-        if is_call and self._is_here(statement, shown("dropped")):
-            return []
-        if isinstance(statement, ast.If):
-            if all(map(_is_wording, statement.body)) and not statement.orelse:
-                return [statement]
-            is_guard = (
-                len(statement.body) == 1
-                and isinstance(statement.body[0], ast.Return)
-                and not statement.orelse
-            )
-            if is_guard and self._is_here(statement, shown("guard dropped")):
-                return []
-            if self._is_here(statement, shown("negated")):
-                statement.test = ast.UnaryOp(ast.Not(), statement.test)
-                return [statement]
-        self._broken_inside(statement)
-        return [statement]
-
-    def _broken_inside(self, statement: ast.stmt) -> None:
-        for name in ("body", "orelse", "finalbody"):
-            block = getattr(statement, name, None)
-            if block:
-                setattr(statement, name, self._broken_block(block))
-        for name, value in ast.iter_fields(statement):
-            if isinstance(value, ast.expr):
-                setattr(statement, name, self.visit(value))
-            elif isinstance(value, list) and name in ("targets", "items"):
-                setattr(statement, name, [self.visit(each) for each in value])
-
-    def visit_Compare(self, node: ast.Compare) -> ast.AST:
-        other = OTHER_COMPARISON.get(type(node.ops[0]))
-        if other is not None and self._is_here(node, lambda: f"other comparison: {ast.unparse(node)}"):
-            node.ops[0] = other()
-        self.generic_visit(node)
-        return node
-
-    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
-        if self._is_member(node) and isinstance(node.ctx, ast.Load):
-            assert isinstance(node.value, ast.Name)
-            members = self._members[node.value.id]
-            other = members[(members.index(node.attr) + 1) % len(members)]
-            if self._is_here(node, lambda: f"other member: {ast.unparse(node)} -> {other}"):
-                node.attr = other
-        self.generic_visit(node)
-        return node
-
-    def _is_member(self, node: ast.AST | None) -> bool:
-        return (
-            isinstance(node, ast.Attribute)
-            and isinstance(node.value, ast.Name)
-            and node.attr in self._members.get(node.value.id, ())
-        )
-
-    def visit_Dict(self, node: ast.Dict) -> ast.AST:
-        for at, key in enumerate(node.keys):
-            if not (isinstance(key, ast.Tuple) or self._is_member(key)):
-                continue
-            assert key is not None
-            if self._is_here(key, partial("row dropped: {}".format, ast.unparse(key))):
-                del node.keys[at], node.values[at]
-                return node
-        self.generic_visit(node)
-        return node
-
-    def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:
-        if self._is_here(node, lambda: f"and for or: {ast.unparse(node)}"):
-            node.op = ast.And() if isinstance(node.op, ast.Or) else ast.Or()
-        self.generic_visit(node)
-        return node
-
-    def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
-        if not (_is_text(node.body) and _is_text(node.orelse)):
-            self.generic_visit(node)
-        return node
-
-
-def _is_text(value: ast.expr) -> bool:
-    return isinstance(value, ast.JoinedStr) or (
-        isinstance(value, ast.Constant) and isinstance(value.value, str)
-    )
-
-
-def _is_wording(statement: ast.stmt) -> bool:
-    """Whether a statement only words a message."""
-    return (
-        isinstance(statement, ast.Assign)
-        and isinstance(statement.targets[0], ast.Name)
-        and _is_text(statement.value)
-    )
-
-
-@lru_cache
-def _members(path: Path) -> dict[str, list[str]]:
-    """Return the members of the enums that a file knows by name, without running any of it."""
-    found: dict[str, list[str]] = {}
-    for each in (path, *_imported_by(path)):
-        for node in ast.parse(each.read_text()).body:
-            if isinstance(node, ast.ClassDef) and node.name in ENUMS:
-                found[node.name] = [
-                    line.targets[0].id
-                    for line in node.body
-                    if isinstance(line, ast.Assign)
-                    and isinstance(line.targets[0], ast.Name)
-                    and not line.targets[0].id.startswith("_")
-                ]
-    return found
-
-
-def _imported_by(path: Path) -> list[Path]:
-    modules = [node.module for node in ast.parse(path.read_text()).body if isinstance(node, ast.ImportFrom)]
-    paths = (ROOT / f"{(module or '').replace('.', '/')}.py" for module in modules)
-    return [each for each in paths if each.is_file()]
-
-
-def mutants_of(path: Path) -> list[Mutant]:
-    """Return every mutant of a file, as they stand in it."""
-    path = path.resolve()
-    breaker = _Breaker(-1, _members(path))
-    breaker.visit(ast.parse(path.read_text()))
-    file = str(path.relative_to(ROOT))
-    return [Mutant(file, number, *place) for number, place in enumerate(breaker.places)]
-
-
-def sample(files: Sequence[Path], count: int, seed: int) -> list[Mutant]:
-    """Draw so many mutants, of each file as many as its share of all mutants.
-
-    Each mutant has a lot by what it breaks, so that a change of a file draws few others.
-    """
-    by_file = [mutants_of(path) for path in files]
-    total = sum(map(len, by_file))
-    found: list[Mutant] = []
-    left, of = count, total
-    for mutants in by_file:
-        here = round(left * len(mutants) / of) if of else 0
-        left, of = left - here, of - len(mutants)
-        met: Counter[str] = Counter()
-        lots = []
-        for mutant in mutants:
-            met[mutant.what] += 1
-            lot = f"{seed} {mutant.file} {mutant.what} {met[mutant.what]}"
-            lots.append((sha256(lot.encode()).digest(), mutant.number))
-        found += [mutants[number] for number in sorted(number for _, number in sorted(lots)[:here])]
-    return found
 
 
 class _Finder:
@@ -333,8 +101,13 @@ class _Finder:
         exec(compile(self._tree, self._module, "exec"), module.__dict__)
 
 
-def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, first: Sequence[str], answer: Any) -> None:
-    """Walk the worlds with a mutant; runs in a process that has loaded nothing of the gateway."""
+def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> None:
+    """Walk the worlds with a mutant; runs in a process that has loaded nothing of the gateway.
+
+    Sent are the name of each world before it is walked, and what it broke; the last is None. Asked back is
+    whether that counts.
+    """
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     module = ".".join(Path(mutant.file).with_suffix("").parts)
     sys.meta_path.insert(0, _Finder(module, mutant.tree()))  # type: ignore[arg-type]
     world = ""
@@ -342,9 +115,9 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, first: Sequence[
         from tests.verify.running import walked
 
         left = list(worlds)
-        rounds = [(LONGER * seconds, list(first)), *((each, left) for each in (*FIRST_SECONDS, seconds))]
-        for each, of in rounds:
-            for world in of[:]:
+        for each in (*ROUNDS, seconds):
+            for world in left[:]:
+                answer.send(world)
                 outcome = walked(world, 0, each / 2, ENDLESS, 1)
                 if outcome.broken:
                     answer.send((world, outcome.broken[0].what, outcome.broken[0].trace))
@@ -358,23 +131,26 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, first: Sequence[
     answer.send(None)
 
 
-def judged(mutant: Mutant, worlds: Sequence[str], seconds: float, first: Sequence[str] = ()) -> Verdict:
-    """Find out whether the worlds notice a mutant; ``first``: worlds that are asked before the others."""
+def judged(mutant: Mutant, worlds: Sequence[str], seconds: float) -> Verdict:
+    """Find out whether the worlds notice a mutant."""
     began = time.monotonic()
-    verdict = Verdict(mutant.file, mutant.number, mutant.line, mutant.what)
+    verdict = Verdict(mutant.digest, mutant.name, mutant.line, worlds=len(worlds), walked_s=seconds)
+    if not worlds:
+        verdict.how = "no world runs through it"
+        return verdict
     ours, theirs = multiprocessing.Pipe()
     context = multiprocessing.get_context("spawn")
-    process = context.Process(target=_try, args=(mutant, worlds, seconds, first, theirs))
+    process = context.Process(target=_try, args=(mutant, worlds, seconds, theirs))
     process.start()
     theirs.close()
-    limit = (seconds + sum(FIRST_SECONDS) + 3.0) * len(worlds) + LOAD_SECONDS
-    limit += (LONGER * seconds + 3.0) * len(first)
     try:
-        until = began + limit
-        while ours.poll(max(0.0, until - time.monotonic())):
+        while ours.poll(SILENT_SECONDS + seconds):
             found = ours.recv()
             if found is None:
                 break
+            if isinstance(found, str):
+                verdict.world = found
+                continue
             world, how, trace = found
             verdict.is_killed = not breaks_unbroken(world, how, trace)
             ours.send(verdict.is_killed)
@@ -388,7 +164,9 @@ def judged(mutant: Mutant, worlds: Sequence[str], seconds: float, first: Sequenc
         verdict.is_killed, verdict.how = True, "it cannot be loaded"
     process.kill()
     process.join()
-    verdict.seconds = time.monotonic() - began
+    if not verdict.is_killed:
+        verdict.world = ""
+    verdict.seconds = round(time.monotonic() - began, 1)
     return verdict
 
 
@@ -406,35 +184,103 @@ def breaks_unbroken(world: str, how: str, trace: tuple[Any, ...]) -> bool:
     if how.endswith("(10)"):
         return bool(Walk(BY_NAME[world]).along().broken)
     if not trace:
-        return bool(world and walked(world, 0, max(FIRST_SECONDS), ENDLESS, 1).broken)
+        return bool(world and walked(world, 0, max(ROUNDS), ENDLESS, 1).broken)
     return broken_by(world_of(BY_NAME[world]), trace) is not None
 
 
+def lines_run(world: str) -> dict[str, list[int]]:
+    """Walk a world and return the lines of each file that it runs through, those of its start among them."""
+    files = {str(path): str(path.relative_to(ROOT)) for path in FILES}
+    met: dict[str, set[int]] = {file: set() for file in files}
+
+    def on_call(frame: Any, _event: str, _argument: object) -> Any:
+        lines = met.get(frame.f_code.co_filename)
+        if lines is None:
+            return None
+        add = lines.add
+
+        def on_line(frame: Any, _event: str, _argument: object) -> Any:
+            add(frame.f_lineno)
+            return on_line
+
+        add(frame.f_lineno)
+        return on_line
+
+    from tests.verify.running import walked
+
+    sys.settrace(on_call)
+    try:
+        walked(world, 0, REACH_SECONDS / 2, ENDLESS, 1)
+    finally:
+        sys.settrace(None)
+    return {files[file]: sorted(lines) for file, lines in met.items() if lines}
+
+
+class Reach:
+    """Which worlds run through a line: found out once for each state of the files, and kept."""
+
+    def __init__(self, names: Sequence[str], path: Path, jobs: int) -> None:
+        sources = sorted((*FILES, *Path(__file__).parent.glob("*.py")))
+        digest = sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
+        kept = json.loads(path.read_text()) if path.exists() else {}
+        if kept.get("digest") != digest:
+            kept = {"digest": digest, "lines": dict(_all_lines(names, jobs))}
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(kept))
+        self._lines: dict[str, dict[str, set[int]]] = {
+            world: {file: set(lines) for file, lines in by_file.items()}
+            for world, by_file in kept["lines"].items()
+        }
+
+    def worlds(self, mutant: Mutant) -> list[str]:
+        """Return the worlds that run through the place of a mutant; of a table every world that there is."""
+        if "." not in mutant.unit and mutant.unit.isupper():
+            return list(self._lines)
+        lines = {mutant.line, mutant.statement_line}
+        return [name for name, by_file in self._lines.items() if lines & by_file.get(mutant.file, set())]
+
+
+def _all_lines(names: Sequence[str], jobs: int) -> Iterator[tuple[str, dict[str, list[int]]]]:
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=1) as pool:
+        for count, (name, lines) in enumerate(zip(names, pool.map(lines_run, names), strict=True)):
+            if not count % 25:
+                print(f"which lines does a world run through? {count} of {len(names)}", file=sys.stderr)
+            yield name, lines
+
+
 class Judge:
-    """Tries one mutant after the other; the worlds that have killed most go first.
+    """Tries one mutant after the other. Worlds that have killed others of the same method go first."""
 
-    Before them, and for longer, those that have killed such a mutant in an earlier run (``before``: by file
-    and what is broken).
-    """
-
-    def __init__(
-        self,
-        worlds: Sequence[str],
-        seconds: float,
-        before: Mapping[tuple[str, str], Sequence[str]] | None = None,
-    ) -> None:
-        self._worlds, self._seconds = tuple(worlds), seconds
+    def __init__(self, reach: Reach, seconds: float, verdicts: Iterable[Verdict]) -> None:
+        self._reach, self._seconds = reach, seconds
         self._kills: Counter[str] = Counter()
-        self._before = before or {}
+        self._by_unit: Counter[tuple[str, str]] = Counter()
+        self._before: dict[str, str] = {}
+        for verdict in verdicts:
+            self.note(verdict)
+
+    def note(self, verdict: Verdict) -> None:
+        """Learn from a verdict which worlds kill."""
+        if verdict.is_killed and verdict.world:
+            self._kills[verdict.world] += 1
+            self._by_unit[_unit_of(verdict.name), verdict.world] += 1
+            self._before[verdict.name] = verdict.world
 
     def __call__(self, mutant: Mutant) -> Verdict:
         """Judge one mutant."""
-        worlds = sorted(self._worlds, key=lambda world: -self._kills[world])
-        first = self._before.get((mutant.file, mutant.what), ())
-        verdict = judged(mutant, worlds, self._seconds, first)
-        if verdict.is_killed:
-            self._kills[verdict.world] += 1
+        unit, before = _unit_of(mutant.name), self._before.get(mutant.name)
+
+        def likely(world: str) -> tuple[bool, int, int]:
+            return world != before, -self._by_unit[unit, world], -self._kills[world]
+
+        verdict = judged(mutant, sorted(self._reach.worlds(mutant), key=likely), self._seconds)
+        self.note(verdict)
         return verdict
+
+
+def _unit_of(name: str) -> str:
+    return ":".join(name.split(":")[:2])
 
 
 def _all_worlds() -> tuple[str, ...]:
@@ -443,8 +289,48 @@ def _all_worlds() -> tuple[str, ...]:
     return tuple(BY_NAME)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Try the mutants of some files; return the exit code."""
+def by_lot(mutants: Iterable[Mutant]) -> list[Mutant]:
+    """Return mutants in an order that is drawn from their names: the first so many are a sample."""
+    return sorted(mutants, key=lambda mutant: sha256(mutant.name.encode()).digest())
+
+
+def kept_verdicts(path: Path) -> dict[str, Verdict]:
+    """Return what is known, by digest: of each mutant the last verdict."""
+    lines = path.read_text().splitlines() if path.exists() else []
+    verdicts = (Verdict(**json.loads(line)) for line in lines)
+    return {verdict.digest: verdict for verdict in verdicts}
+
+
+def explained() -> dict[str, tuple[str, str]]:
+    """Return of each mutant that is known to survive: equivalent, left out or open, and why."""
+    rows = tomllib.loads(EXPLAINED.read_text())["mutant"] if EXPLAINED.exists() else []
+    return {row["name"]: (row["kind"], row["why"]) for row in rows}
+
+
+def summary(mutants: Sequence[Mutant], verdicts: Mapping[str, Verdict]) -> str:
+    """Return what became of the mutants of each file, as a table in Markdown."""
+    reasons = explained()
+    kinds = ("killed", "equivalent", "left out", "open", "unexplained", "not tried")
+    rows: dict[str, Counter[str]] = {}
+    for mutant in mutants:
+        row = rows.setdefault(mutant.file.removeprefix("gateway/exchange/"), Counter())
+        verdict = verdicts.get(mutant.digest)
+        if verdict is None:
+            row["not tried"] += 1
+        elif verdict.is_killed:
+            row["killed"] += 1
+        else:
+            row[reasons.get(mutant.name, ("unexplained", ""))[0]] += 1
+    total = sum(rows.values(), Counter[str]())
+    head = f"| file | mutants | {' | '.join(kinds)} |\n|---|{'---:|' * (len(kinds) + 1)}\n"
+    lines = (
+        f"| {name} | {sum(row.values())} | {' | '.join(str(row[kind]) for kind in kinds)} |"
+        for name, row in (*((f"`{file}`", row) for file, row in rows.items()), ("all", total))
+    )
+    return head + "\n".join(lines)
+
+
+def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m tests.verify.mutants",
         description="Breaks the gateway in one place at a time, and looks whether the small worlds notice.",
@@ -452,73 +338,83 @@ def main(arguments: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("files", nargs="*", type=Path, default=FILES, metavar="FILE")
+    parser.add_argument("--most", type=int, default=0, metavar="N", help="only the first N of the lot")
+    parser.add_argument("--minutes", type=float, default=0.0, metavar="M", help="begin no mutant after that")
+    parser.add_argument("--named", nargs="*", default=(), metavar="NAME", help="those that begin so")
     parser.add_argument("--worlds", nargs="*", default=(), metavar="WORLD", help="(all)")
     parser.add_argument(
         "--seconds", type=float, default=SECONDS, metavar="S", help="of each world (%(default)s)"
     )
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="mutants at a time (%(default)s)")
-    parser.add_argument("--every", type=int, default=1, metavar="N", help="only each Nth mutant")
-    parser.add_argument("--sample", type=int, default=0, metavar="N", help="so many, drawn at random")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the drawing (%(default)s)")
-    parser.add_argument(
-        "--only", nargs="*", default=(), metavar="FILE:NUMBER", help="of these the ones named so"
-    )
-    parser.add_argument(
-        "--json",
-        type=Path,
-        metavar="FILE",
-        help="write what was found there too; worlds that killed a mutant in what stands there go first",
-    )
+    parser.add_argument("--again", action="store_true", help="try what survived before once more")
+    parser.add_argument("--kept", type=Path, default=KEPT, metavar="DIR", help="verdicts (build/mutants)")
+    parser.add_argument("--summary", action="store_true", help="say what is known, and what is unexplained")
     parser.add_argument("--list", action="store_true", help="say what mutants there are")
     asked = parser.parse_args(arguments)
     if is_compiled():
         parser.error("mutants are sources that were changed, and compiled modules are imported here instead")
-    if asked.sample:
-        mutants = sample(asked.files, asked.sample, asked.seed)
-    else:
-        mutants = [mutant for path in asked.files for mutant in mutants_of(path)][:: asked.every]
-    if asked.only:
-        mutants = [each for each in mutants if f"{Path(each.file).stem}:{each.number}" in asked.only]
+    return asked
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Try the mutants of some files; return the exit code: 1 where one survives that nothing explains."""
+    asked = _parsed(arguments)
+    mutants = [mutant for path in asked.files for mutant in mutants_of(path)]
+    if asked.named:
+        mutants = [each for each in mutants if each.name.startswith(tuple(asked.named))]
     if asked.list:
         for mutant in mutants:
-            print(f"{mutant.file}:{mutant.line}: {mutant.what}  ({mutant.number})")
+            print(f"{mutant.file}:{mutant.line}: {mutant.name}")
         return 0
-    verdicts: list[Verdict] = []
-    judge = Judge(asked.worlds or _all_worlds(), asked.seconds, _killers(asked.json))
-    with ThreadPoolExecutor(asked.jobs) as pool:
-        for done in as_completed([pool.submit(judge, mutant) for mutant in mutants]):
+    path = asked.kept / "verdicts.jsonl"
+    verdicts = kept_verdicts(path)
+    if not asked.summary:
+        drawn = by_lot(mutants)[: asked.most or None]
+        left = [
+            mutant
+            for mutant in drawn
+            if (known := verdicts.get(mutant.digest)) is None
+            or (not known.is_killed and (asked.again or known.walked_s < asked.seconds))
+        ]
+        print(f"{len(left)} of {len(drawn)} mutants are to be tried", file=sys.stderr)
+        if left:
+            reach = Reach(asked.worlds or _all_worlds(), asked.kept / "reach.json", asked.jobs)
+            _try_all(left, Judge(reach, asked.seconds, verdicts.values()), asked, path)
+        verdicts = kept_verdicts(path)
+        mutants = drawn
+    print(summary(mutants, verdicts))
+    return _tell_unexplained(mutants, verdicts)
+
+
+def _try_all(mutants: Sequence[Mutant], judge: Judge, asked: argparse.Namespace, path: Path) -> None:
+    """Judge mutants two at a time, and keep each verdict as it falls."""
+    until = time.monotonic() + asked.minutes * 60.0 if asked.minutes else float("inf")
+
+    def judge_in_time(mutant: Mutant) -> Verdict | None:
+        return judge(mutant) if time.monotonic() < until else None
+
+    with ThreadPoolExecutor(asked.jobs) as pool, path.open("a") as kept:
+        for done in as_completed([pool.submit(judge_in_time, mutant) for mutant in mutants]):
             verdict = done.result()
-            verdicts.append(verdict)
+            if verdict is None:
+                continue
+            kept.write(json.dumps(asdict(verdict)) + "\n")
+            kept.flush()
             fate = f"killed in {verdict.world or 'no world'}" if verdict.is_killed else "SURVIVED"
-            where = f"{Path(verdict.file).stem}:{verdict.number} (line {verdict.line})"
-            print(f"{fate:22} {verdict.seconds:5.1f} s  {where}: {verdict.what}", flush=True)
-    verdicts.sort(key=lambda verdict: (verdict.file, verdict.number))
-    _write(asked.json, verdicts)
-    killed = sum(verdict.is_killed for verdict in verdicts)
-    print(f"{killed} of {len(verdicts)} killed, {100.0 * killed / max(1, len(verdicts)):.1f} %")
-    return 0
+            print(f"{fate:26} {verdict.seconds:5.1f} s  {verdict.name} (line {verdict.line})", flush=True)
 
 
-def _killers(path: Path | None) -> dict[tuple[str, str], list[str]]:
-    """Return which worlds killed each kind of mutant, as an earlier run has written it down."""
-    if path is None or not path.exists():
-        return {}
-    found = json.loads(path.read_text())["mutants"]
-    killers: dict[tuple[str, str], list[str]] = {}
-    for each in found:
-        worlds = killers.setdefault((each["file"], each["what"]), [])
-        if each["is_killed"] and each["world"] and each["world"] not in worlds:
-            worlds.append(each["world"])
-    return killers
-
-
-def _write(path: Path | None, verdicts: Sequence[Verdict]) -> None:
-    if path is None:
-        return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    killed = sum(verdict.is_killed for verdict in verdicts)
-    found = {"killed": killed, "total": len(verdicts), "mutants": [asdict(each) for each in verdicts]}
-    path.write_text(json.dumps(found, indent=1) + "\n")
+def _tell_unexplained(mutants: Sequence[Mutant], verdicts: Mapping[str, Verdict]) -> int:
+    reasons = explained()
+    tried = [(each, verdicts[each.digest]) for each in mutants if each.digest in verdicts]
+    killed = sum(verdict.is_killed for _, verdict in tried)
+    print(f"{killed} of {len(tried)} killed, {100.0 * killed / max(1, len(tried)):.1f} %")
+    unexplained = [
+        (mutant, verdict) for mutant, verdict in tried if not verdict.is_killed and mutant.name not in reasons
+    ]
+    for mutant, verdict in unexplained:
+        print(f"unexplained: {mutant.file}:{mutant.line}: {mutant.name}; worlds: {verdict.worlds}")
+    return 1 if unexplained else 0
 
 
 if __name__ == "__main__":

@@ -3,10 +3,11 @@
 import ast
 from itertools import chain
 
-from tests.verify.mutants import ROOT, mutants_of
+from tests.verify.breaking import ROOT, mutants_of
+from tests.verify.mutants import FILES, by_lot, explained
 
 REGISTERS = ROOT / "gateway" / "exchange" / "axis" / "registers.py"
-FILES = (REGISTERS.with_name("axis.py"), REGISTERS.with_name("motion.py"))
+KINDS = {"equivalent", "left out", "open"}
 
 
 def test_each_mutant_of_a_file_is_another_one_and_says_where_it_is_broken() -> None:
@@ -25,3 +26,25 @@ def test_a_row_a_condition_and_an_assignment_are_among_what_is_broken() -> None:
         if not missing:
             break
     assert not missing
+
+
+def test_no_two_mutants_have_a_name_or_a_digest_in_common() -> None:
+    mutants = list(chain.from_iterable(map(mutants_of, FILES)))
+    assert len({mutant.name for mutant in mutants}) == len(mutants)
+    assert len({mutant.digest for mutant in mutants}) == len(mutants)
+
+
+def test_the_order_that_is_drawn_is_of_all_mutants() -> None:
+    mutants = mutants_of(REGISTERS)
+    drawn = by_lot(mutants)
+    assert drawn != mutants
+    assert {each.name for each in drawn} == {each.name for each in mutants}
+    assert by_lot(reversed(mutants)) == drawn
+
+
+def test_each_survivor_that_is_explained_is_a_mutant_with_a_kind_and_a_reason() -> None:
+    names = {mutant.name for mutant in chain.from_iterable(map(mutants_of, FILES))}
+    reasons = explained()
+    assert set(reasons) <= names, sorted(set(reasons) - names)
+    assert {kind for kind, _ in reasons.values()} <= KINDS
+    assert all(why for _, why in reasons.values())
