@@ -12,7 +12,6 @@ from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
 from gateway.exchange.axis.reference import ReferenceEvent
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.decode import AxisCommand, Part
-from gateway.exchange.events import EventKind
 from gateway.exchange.group import end_in_group, leave_in_group, note_skew
 from gateway.exchange.request import Request
 
@@ -55,13 +54,7 @@ def _tell_unknown(command: AxisCommand) -> None:
     word = None if mode is None else axis.rules.word(mode.address)
     if mode is not None and word is not None:
         words.setdefault(mode.address, word)
-    contents = tuple(sorted(words.items()))
-    if axis.told_unknown == contents:
-        return
-    axis.told_unknown = contents
-    shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in contents)
-    what = f"the register map does not know {shown}" if shown else "nobody can tell what a frame means"
-    axis.tell(EventKind.UNKNOWN_MODE, f"{what}: it passed untouched")
+    axis.tell_unknown(tuple(sorted(words.items())))
 
 
 # --- as it ends --------------------------------------------------------------------------------------------
@@ -102,14 +95,13 @@ def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
         rules.doubt(dict.fromkeys(command.unclear_words, 0), {})
     for number in command.written:
         rules.stage(number)
-    if command.written or command.runs_target:
-        axis.holds_unrun = not command.runs_target
     if command.runs_target:
-        axis.reference_happens(ReferenceEvent.OTHER_MOTION)
-        axis.last_run = action
+        axis.note_run(action)
         mode = None if command.number is None else rules.plan.mode(command.number)
         if mode is not None and mode.resets_to is not None:
             rules.note_words({mode.address: mode.resets_to}, command.epoch)
+    elif command.written:
+        axis.note_staged()
     if action in MOVES_OTHERWISE:
         _move_otherwise(axis, action, now_ns, is_certain=True)
         if command.runs_stored and not axis.passes_unchanged:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_word
-from gateway.exchange.axis.acknowledge import Outcome, Rendering
+from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
 from gateway.exchange.axis.beam import Beam, BeamEvent, Fixed
 from gateway.exchange.axis.motion import MotionState
@@ -66,9 +66,10 @@ def leave_in_group(command: AxisCommand, now_ns: int) -> None:
             keeps_words = _keeps_other_words(command)
             for member in (axis, *axis.peers):
                 run = None if member is axis else command.peer_runs.get(member.plan.name)
-                _fix(member, run, keeps_words=keeps_words)
+                member.fix(run, keeps_words=keeps_words)
         elif not _keeps_other_words(command):
-            _keep_no_other_words(axis)
+            for member in (axis, *axis.peers):
+                member.keep_no_other_words()
         if not is_first and beam.has_put_off and axis.fixed is not None and not axis.fixed.has_gone:
             detail = f"it goes as {beam.led_by} has gone; what was asked for since comes into force then"
             axis.tell(EventKind.GROUP_HELD, detail)
@@ -83,7 +84,7 @@ def end_in_group(request: Request, command: AxisCommand, outcome: Outcome, code:
     if command.targets or command.runs or command.runs_target:
         if outcome is Outcome.ACKNOWLEDGED or outcome is Outcome.BROADCAST:
             missing = _missing_words(command, fixed, now_ns)
-            axis.fixed = fixed._replace(has_gone=True, missing=missing, part_ns=now_ns if missing else 0)
+            axis.go_as_fixed(missing, now_ns)
             is_whole = _is_group_through(axis, now_ns)
             beam.happens(BeamEvent.WHOLE if is_whole else BeamEvent.WENT)
         else:
@@ -92,7 +93,7 @@ def end_in_group(request: Request, command: AxisCommand, outcome: Outcome, code:
             if not is_undone and not any(
                 member.fixed is not None and member.fixed.has_gone for member in (axis, *axis.peers)
             ):
-                axis.fixed = fixed._replace(may_have_gone=True)
+                axis.may_go_as_fixed()
                 _tell_unproven_first(axis, beam, code)
             else:
                 note_skew(axis, code)
@@ -106,29 +107,6 @@ def end_in_group(request: Request, command: AxisCommand, outcome: Outcome, code:
             is_other = is_other and any(not _holds_unproven(axis, each) for each in command.written)
         if is_other:
             beam.happens(BeamEvent.AGAIN)
-
-
-def _fix(axis: Axis, run: Rendering | None, *, keeps_words: bool) -> None:
-    """Its group goes: reference and correction are what they are now, until nothing is fixed any more."""
-    accepted, actual = axis.compensation.accepted, axis.motion.actual
-    nominal_counts = None if accepted is None else accepted.nominal_counts
-    if nominal_counts is None and actual is not None:
-        nominal_counts = axis.motion.nominal_of(actual.counts)
-    axis.fixed = Fixed(
-        axis.goes_as_referenced,
-        axis.motion.state,
-        axis.motion.has_reported_done,
-        nominal_counts,
-        run,
-        keeps_words,
-    )
-
-
-def _keep_no_other_words(axis: Axis) -> None:
-    """One goes by what was fixed, so no other one of its group keeps words of another switch any more."""
-    for member in (axis, *axis.peers):
-        if member.fixed is not None and member.fixed.keeps_words:
-            member.fixed = member.fixed._replace(keeps_words=False)
 
 
 def _keeps_other_words(command: AxisCommand) -> bool:

@@ -465,7 +465,7 @@ class LineExchange:
             self._stray(now_ns, NO_UNIT_ID)
             return
         if len(pdu) > MAX_PDU:  # it cannot be passed on
-            self._transactions.current = None
+            self._transactions.free_wire()
             self._renewal.hear()
             self.counters.oversized += 1
             self._end_unanswered(transaction, now_ns)
@@ -476,7 +476,7 @@ class LineExchange:
             self._renewal.hear()
             self.silent_units.disturb(unit_id, now_ns)
             self.silent_units.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
-            self._transactions.current = None
+            self._transactions.free_wire()
             self._turns.go_again(transaction, now_ns)
             self._report(self._units.axes_of(unit_id))
             self._next(now_ns)
@@ -508,7 +508,7 @@ class LineExchange:
             self._transactions.go_on(transaction, outcome)
             self._transactions.reply(transaction, turned)
             path.settle(transaction, now_ns)
-            self._transactions.current = None
+            self._transactions.free_wire()
             assert transaction.port is not None
             self.meter.note(transaction, transaction.port, pdu, now_ns)
         if forwarding is not None:
@@ -526,12 +526,12 @@ class LineExchange:
         for axis in axes:
             axis.end_silence(is_answer=True)
         if transaction.added is not None:
-            self._transactions.current = None
+            self._transactions.free_wire()
             self._take_added(transaction, pdu, now_ns)
             return axes
         outcome, code = outcome_of_reply(transaction, pdu)
         self._transactions.finish(transaction, outcome, now_ns, code=code, reply=pdu)
-        self._transactions.current = None
+        self._transactions.free_wire()
         if self._broken_off is not None:
             self._forget_parts_of(transaction)
         if transaction.port is not None:
@@ -648,7 +648,7 @@ class LineExchange:
         self._settle()
 
     def _link_down(self, now_ns: int, reason: str, *, is_orderly: bool) -> None:
-        current, self._transactions.current = self._transactions.current, None
+        current = self._transactions.free_wire()
         self.link_state.end(current, reason, now_ns, is_orderly=is_orderly)
         if current is not None and current.phase is Phase.LEAVING:
             self._spoil(current, CutEvent.LOST, now_ns)
@@ -957,7 +957,7 @@ class LineExchange:
             self._tap.abandoned()
         self._link.abandon()
         self._end_reply(CutEvent.STALLED, now_ns)
-        self._transactions.current = None
+        self._transactions.free_wire()
         self.counters.timeouts += 1
         unit_id = transaction.wire_unit_id
         if transaction.port is not None:

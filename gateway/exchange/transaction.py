@@ -465,6 +465,11 @@ class Transactions:
         self.current: Transaction | None = None
         """The one on the wire: it is leaving, or its reply has not come."""
 
+    def free_wire(self) -> Transaction | None:
+        """Nothing is on the wire any more; return what was."""
+        current, self.current = self.current, None
+        return current
+
     def come(
         self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
     ) -> Transaction:

@@ -213,6 +213,10 @@ class Acknowledgement:
         if self.on_wire is _TARGET and self.pending is None:
             self.pending = target
 
+    def go_on_naming(self, target: Rendering | None) -> None:
+        """A target of before is still open: its record goes on to name it."""
+        self.pending = target
+
     def conclude(self, unacknowledged: Rendering | None) -> None:
         """What was sent has been answered, or never will be; ``unacknowledged``: what is open of it."""
         if self.on_wire is not _NOTHING:

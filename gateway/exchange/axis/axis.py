@@ -329,6 +329,15 @@ class Axis:
         """Report something about this axis."""
         self.events.append(Event(kind, self.plan.name, detail))
 
+    def tell_unknown(self, contents: tuple[tuple[int, int], ...]) -> None:
+        """Report register contents that mean something the map does not know: the same ones once."""
+        if self.told_unknown == contents:
+            return
+        self.told_unknown = contents
+        shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in contents)
+        what = f"the register map does not know {shown}" if shown else "nobody can tell what a frame means"
+        self.tell(EventKind.UNKNOWN_MODE, f"{what}: it passed untouched")
+
     def tell_fault(self, sentence: str) -> None:
         """One of its machines met an event that cannot be in its state: a bug of this program.
 
@@ -426,7 +435,7 @@ class Axis:
         self.motion.change_reference()
         self.doubt_words()
         if is_referenced:
-            self.motion.actual = None  # it may have been counted from another zero
+            self.motion.forget_place()  # it may have been counted from another zero
             self.compensation.find_reference(self.wanted)
         else:
             self.compensation.lose_reference()
@@ -470,7 +479,7 @@ class Axis:
     def wait_for_peers(self, *, waits: bool) -> None:
         """Another axis of the group does not know where it is, or all of them do."""
         was_referenced = self.reference.is_referenced
-        self.reference.waits_for_peers = waits
+        self.reference.wait_for_peers(waits=waits)
         self._follow_reference(was_referenced=was_referenced)
 
     def join(self, peers: "tuple[Axis, ...]", beam: Beam) -> None:
@@ -498,6 +507,36 @@ class Axis:
         assert self.beam is not None
         self.fixed = fixed
         self.beam.put_off()
+
+    def fix(self, run: Rendering | None, *, keeps_words: bool) -> None:
+        """Its group goes: reference and correction are what they are now, until nothing is fixed any more."""
+        accepted, actual = self.compensation.accepted, self.motion.actual
+        nominal_counts = None if accepted is None else accepted.nominal_counts
+        if nominal_counts is None and actual is not None:
+            nominal_counts = self.motion.nominal_of(actual.counts)
+        self.fixed = Fixed(
+            self.goes_as_referenced,
+            self.motion.state,
+            self.motion.has_reported_done,
+            nominal_counts,
+            run,
+            keeps_words,
+        )
+
+    def go_as_fixed(self, missing: int, now_ns: int) -> None:
+        """It has gone; ``missing``: the words of its target that are still to come, a bit for each."""
+        assert self.fixed is not None
+        self.fixed = self.fixed._replace(has_gone=True, missing=missing, part_ns=now_ns if missing else 0)
+
+    def may_go_as_fixed(self) -> None:
+        """It is the first of its group, and nobody knows whether it has gone."""
+        assert self.fixed is not None
+        self.fixed = self.fixed._replace(may_have_gone=True)
+
+    def keep_no_other_words(self) -> None:
+        """One of its group goes by what was fixed: none keeps words of another switch any more."""
+        if self.fixed is not None and self.fixed.keeps_words:
+            self.fixed = self.fixed._replace(keeps_words=False)
 
     def may_have_gone_to(self, number: int, nominal_words: bytes) -> bool:
         """Whether some words are the absolute target that was sent last and never acknowledged."""
@@ -637,7 +676,7 @@ class Axis:
         self.tell(EventKind.COMPENSATION_ENDED, REMAPPED)
         if self.beam is not None:
             self.beam.happens(BeamEvent.ENDED)
-        self.reference.is_remapped = True
+        self.reference.end()
         self.is_enabled = False
         self._choose_correction()
         self.forget()
@@ -660,7 +699,7 @@ class Axis:
     def move_zero(self) -> None:
         """The drive counts from another zero: what it was told, and where it was seen, mean nothing now."""
         self.doubt_words()
-        self.motion.actual = None
+        self.motion.forget_place()
         if self.compensation.is_stream:
             self.compensation.begin_anew()
             if self.reference.is_referenced:
@@ -736,7 +775,7 @@ class Axis:
         self._lose_reach(was_closed=kept is not None and kept.over is KeptOver.ORDERLY_CLOSE)
         if target is not None:  # it may have arrived before the drive fell silent
             motion.happens(MotionEvent.NOT_ACKNOWLEDGED, target)
-            acknowledgement.pending = pending
+            acknowledgement.go_on_naming(pending)
         self.motion.send_off(self.silent_until_ns)
         self.lose_reference()
 
@@ -745,7 +784,7 @@ class Axis:
         if self.record is not None:
             self.record.pause()
         self._lose_reach(was_closed=was_closed)
-        self.motion.actual = None
+        self.motion.forget_place()
         self.hear_place(Told.LINK_LOST)
         self.fall_silent(now_ns, now_ns)
 
@@ -798,6 +837,16 @@ class Axis:
         self.acknowledgement.send_motion()
         record.keep(self.motion, self.acknowledgement, self.wanted)
 
+    def note_staged(self) -> None:
+        """Its drive has a target that no trigger has run."""
+        self.holds_unrun = True
+
+    def note_run(self, action: Action) -> None:
+        """Its drive runs a target, which was meant as ``action`` says."""
+        self.holds_unrun = False
+        self.last_run = action
+        self.reference_happens(ReferenceEvent.OTHER_MOTION)
+
     def conclude(self) -> None:
         """What was sent has been answered, or never will be."""
         self.acknowledgement.conclude(self.motion.unacknowledged)
@@ -808,7 +857,7 @@ class Axis:
         ``epoch``: of its field, when the target was sent.
         """
         self.fields[rendering.number].settle(rendering.nominal_words, rendering.corrected_words, epoch)
-        self.motion.heard_ns = now_ns
+        self.motion.hear_from(now_ns)
         if rendering.move is None:
             self.compensation.touch(now_ns)
         else:
@@ -817,7 +866,7 @@ class Axis:
     def acknowledge_steady(self, number: int, target: SteadyTarget, now_ns: int) -> None:
         """The same of a target on the fast path: it goes on in its direction, or is a repeat."""
         self.fields[number].settle(target.nominal_words, target.corrected_words, target.epoch)
-        self.motion.heard_ns = now_ns
+        self.motion.hear_from(now_ns)
         steady = target.steady
         if steady is None:
             self.compensation.touch(now_ns)
@@ -954,8 +1003,7 @@ class Axis:
             return None
         before, now = self.motion.actual, Actual(counts_of(field_, raw), asked_ns)
         was_unseen = self.motion.is_unseen(asked_ns)
-        self.motion.actual = now
-        self.motion.heard_ns = asked_ns
+        self.motion.see(now)
         if self.sight is _REFUSED:
             self.hear_place(Told.PASSING)
         if self.record is not None and self.record.recalled is not None:
@@ -1005,13 +1053,11 @@ class Axis:
         if not self.motion.is_unseen(
             asked_ns
         ):  # whoever looks again does not see by it where the axis has been since
-            self.motion.heard_ns = asked_ns
+            self.motion.hear_from(asked_ns)
         if name == DONE_BIT:
             self.motion.observe_done(asked_ns, is_done=is_set)
         elif name == MOVING_BIT:
-            self.motion.is_moving = is_set
-            if DONE_BIT not in self.plan.bits:  # a done bit may be older than this one
-                self.motion.hear(asked_ns, moves=is_set)
+            self.motion.observe_moving(asked_ns, is_moving=is_set)
         elif name == ALARM_BIT:
             if is_set and not self.is_alarmed:
                 self.motion.displace()  # the drive has given up: it stands somewhere
@@ -1188,9 +1234,7 @@ class Axis:
             place = MotionState.ARRIVED
         else:
             place = MotionState.IN_WINDOW if self.compensation.readback.fade is None else _MOVING
-        self.motion.enter(place)
-        self.motion.send_off(state.at_ns if recalled.is_of_this_boot else 0)
-        self.motion.last_number = recalled.number
+        self.motion.resume(place, state.at_ns if recalled.is_of_this_boot else 0, recalled.number)
         if accepted is not None and recalled.knows_words:
             field_ = self.plan.command[recalled.number]
             self.fields[recalled.number].settle(
@@ -1225,7 +1269,7 @@ class Axis:
         )
         if finding not in PROVEN:
             # Its record goes on to name it, for the next start as for this one.
-            self.acknowledgement.pending = rendering
+            self.acknowledgement.go_on_naming(rendering)
             is_timed = recalled.is_of_this_boot and proof is Proof.TWO
             self.leave_unproven(rendering, after.at_ns if is_timed else self.motion.heard_ns)
             if finding is Finding.EITHER:

@@ -476,6 +476,12 @@ class Motion:
         self.superseded = superseded
         self.is_start_known = is_start_known
 
+    def resume(self, state: MotionState, sent_off_ns: int, number: int) -> None:
+        """Go on as a record says; ``number``: of the command field of its last target."""
+        self.enter(state)
+        self.send_off(sent_off_ns)
+        self.last_number = number
+
     def note_more(self, unacknowledged: Rendering) -> None:
         """Know more of the target that was not acknowledged, which stays the same one."""
         self.unacknowledged = unacknowledged
@@ -577,6 +583,19 @@ class Motion:
 
     # --- what is seen of it ----------------------------------------------------------------------------
 
+    def see(self, actual: Actual) -> None:
+        """Note where the drive said that it was."""
+        self.actual = actual
+        self.heard_ns = actual.seen_ns
+
+    def forget_place(self) -> None:
+        """What the drive said of its place means nothing any more."""
+        self.actual = None
+
+    def hear_from(self, now_ns: int) -> None:
+        """The drive has acknowledged something, or told one of its bits."""
+        self.heard_ns = now_ns
+
     def hear(self, asked_ns: int, *, moves: bool) -> None:
         """Take note of the drive's word that it moves, or stands, wherever it goes."""
         if asked_ns < self.sent_off_ns:
@@ -596,6 +615,12 @@ class Motion:
             self.happens(MotionEvent.NOT_DONE)
         elif self.has_started(asked_ns) and (has_actual or not self.plan.done_is_in_position):
             self.happens(MotionEvent.DONE if has_actual else MotionEvent.DONE_ALONE)
+
+    def observe_moving(self, asked_ns: int, *, is_moving: bool) -> None:
+        """Note the drive's moving bit; where there is a done bit that may be older, that one counts."""
+        self.is_moving = is_moving
+        if DONE_BIT not in self.plan.bits:
+            self.hear(asked_ns, moves=is_moving)
 
     def see_place(self, actual: Actual) -> None:
         """Notice that the axis has come to its target, or that something else moved it away (M4)."""

@@ -276,6 +276,14 @@ class AxisReference:
         elif now_ns - self.homing_since_ns >= SETTLE_NS:
             self.happens(ReferenceEvent.BIT_SET)
 
+    def wait_for_peers(self, *, waits: bool) -> None:
+        """Another axis of its group does not know where it is, or all of them do (M11)."""
+        self.waits_for_peers = waits
+
+    def end(self) -> None:
+        """The registers of its drive mean something else from now on."""
+        self.is_remapped = True
+
     @property
     def is_found(self) -> bool:
         """Whether the axis itself knows where it is, as far as one can tell."""

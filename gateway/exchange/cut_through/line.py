@@ -114,7 +114,7 @@ class ForwardingLine:
         If all of it comes it is a request as any other, behind the silence.
         """
         if self._transactions.current is transaction:
-            self._transactions.current = None
+            self._transactions.free_wire()
         self._transactions.never_left(transaction, now_ns)
         self._rest.spoil(until_ns)
         self._turns.gaps.ended(transaction, now_ns, until_ns)
