@@ -116,6 +116,7 @@ class MbapControllerPort(ControllerPort):
         if is_broken or why_given_up:
             channel.close()
             self._channel = None
+        beats.traffic(now_ns)
 
     def _refuse(self, head: bytes, peer: str) -> None:
         """Answer a request whose length cannot be, where it can be answered."""
@@ -238,6 +239,7 @@ class RtuControllerPort(ControllerPort):
             self.whole += 1
         elif len(requests):
             self._pass_on(requests, now_ns, why_given_up)
+        beats.traffic(now_ns)
 
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""

@@ -62,6 +62,7 @@ from gateway.relay.errors import StartError
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping
 from gateway.relay.line import Line
+from gateway.relay.pulse import Pulse
 from gateway.relay.scheduling import in_force, schedule
 from gateway.relay.status_unit import StatusUnit
 from gateway.state.folder import why_open_to_others
@@ -113,6 +114,10 @@ class Relay:
         self._looks = self._turns = 0
         self._turning: asyncio.TimerHandle | None = None
         self._collecting = Collecting(lambda: not self.busy_lines, self._activity)
+        self._pulse: Pulse | None = None
+        """Beats from the start on; None: not started, or closed."""
+        self._scheduling = in_force()
+        """How the kernel schedules it: asked for again with each turn, for that takes a millisecond."""
         self._shape = shape or shape_of(plan)
         self._refused_tables: Reports[str] = Reports()
         self._find_table = find_table or (None if state is None else partial(find_table_in, state))
@@ -166,8 +171,10 @@ class Relay:
         own_unit = None
         if self._plan.status_unit:
             own_unit = StatusUnit(self._plan.status_unit, self._exchanges, self._started_ns)
+        self._pulse = Pulse(self._stood_still, self._show_tapes)
         self._lines = [
-            Line(plan, self._journal, self._activity, self._recorder, own_unit) for plan in self._plan.lines
+            Line(plan, self._journal, self._activity, self._recorder, own_unit, beats=self._pulse)
+            for plan in self._plan.lines
         ]
         join_terms(axis for line in self._lines for axis in line.axes)
         problems += await self._open_control()
@@ -204,6 +211,7 @@ class Relay:
             )
         if self._plan.relay != RelayOptions():
             self._journal.note(processes.SCHEDULING, **in_force().status())
+        self._scheduling = in_force()
 
     async def stop(self) -> None:
         """Take no new requests, let the exchanges on the wires end, close everything."""
@@ -367,7 +375,7 @@ class Relay:
                 "uptime_s": round(uptime_s, 3),
                 "relay": "up",
                 "snapshot_age_s": 0.0,
-                "scheduling": in_force().status(),
+                "scheduling": self._scheduling.status(),
                 "garbage": self._collecting.status(),
                 "loop": self._activity.status(),
                 "latency_bounds_us": list(BOUNDS_US),
@@ -383,9 +391,20 @@ class Relay:
             pause_s = TURN_EVERY_S / len(self._lines)
             self._turning = asyncio.get_running_loop().call_later(pause_s, self._turn)
             self._turns += 1
+            self._scheduling = in_force()
             self._lines[self._turns % len(self._lines)].turn()
 
+    def _show_tapes(self) -> None:
+        for line in self._lines:
+            if line.tape is not None:
+                line.tape.show()
+
+    def _stood_still(self, gap_ns: int) -> None:
+        for line in self._lines:
+            line.exchange.note_standstill(gap_ns)
+
     def _scheduling_withdrawn(self, why: str) -> None:
+        self._scheduling = in_force()
         self._journal.note(processes.SCHEDULING_WITHDRAWN, key="relay.fifo", detail=why)
 
     def _tell(self, note: Note) -> None:
@@ -470,6 +489,9 @@ class Relay:
     async def _close_rest(self, *, owes_silence: bool) -> None:
         if self._turning is not None:
             self._turning.cancel()
+        if self._pulse is not None:
+            self._pulse.close()
+            self._pulse = None
         self._collecting.stop()
         if self._control is not None:
             await self._control.close(is_finished=not owes_silence)

@@ -51,7 +51,7 @@ from gateway.relay.front import Front, make_front, wire_of
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping, keep_port
 from gateway.relay.last_minute import LastMinute
-from gateway.relay.pulse import Pulse
+from gateway.relay.pulse import Beats
 from gateway.relay.watchdog import STUCK_NS
 from gateway.state.plan import LinePlan
 from gateway.state.tables import compiled
@@ -79,6 +79,8 @@ class Line:
         activity: Activity,
         recorder: Recorder | None = None,
         own_unit: OwnUnit | None = None,
+        *,
+        beats: Beats,
     ) -> None:
         self.plan = plan
         self.tape = _make_tape(plan, journal) if recorder is None and plan.tape_bytes else None
@@ -102,7 +104,6 @@ class Line:
         self._minute = LastMinute(self._frames)
         self._computed = computed(plan)
         self._alarm = LineAlarm(self._exchange, lambda: self._link.bytes_received)
-        self._pulse = Pulse(self._exchange.note_standstill, _nothing if self.tape is None else self.tape.show)
         self._link.attach(self._exchange)
         self._in_force: dict[tuple[str, tuple[str, ...]], traffic.Commanded] = {}
         """What somebody outside has changed since the start, for the tape."""
@@ -114,7 +115,7 @@ class Line:
         self._is_recorded = recorder is not None
         odd_units = plan.other_units.odd
         self._fronts = [
-            make_front(plan.name, link, self._exchange, journal, beats=self._pulse, odd_units=odd_units)
+            make_front(plan.name, link, self._exchange, journal, beats=beats, odd_units=odd_units)
             for link in plan.controllers
         ]
 
@@ -231,7 +232,6 @@ class Line:
             await front.close()
         await self._drives.close()
         self._alarm.close()
-        self._pulse.close()
         self._link.close()
         if self.tape is not None:
             self.tape.close()
@@ -427,10 +427,6 @@ class Line:
     def _longest_exchange_s(self) -> float:
         patience_ms = [link.plan.timeout_ms for link in self.plan.controllers]
         return max(self.plan.timing.response_timeout_ms, *patience_ms, 0.0) / 1000.0
-
-
-def _nothing() -> None:
-    pass
 
 
 def _make_tape(plan: LinePlan, journal: Journal) -> Tape | None:

@@ -19,16 +19,19 @@ system said of it with its bytes is 25 ms old at most, as if they had been under
 AFTERWARDS_NS: Final = EVERY_NS + 2 * FRESH_NS
 """So long after the first beat that comes late, what is read may still be what had waited: until the next
 one is late itself."""
+SEEN_EVERY_NS: Final = EVERY_NS // 2
+"""Traffic that is read so long after the last beat stands for the next one."""
 WORTH_TELLING_NS: Final = 500 * NS_PER_MS
 
 
 class Beats:
     """When the last beats came, and what their lateness says. Nothing here waits or looks at a clock."""
 
-    __slots__ = ("_due_ns", "_gap_ns", "_until_ns")
+    __slots__ = ("_due_ns", "_gap_ns", "_gap_since_ns", "_until_ns")
 
     def __init__(self) -> None:
         self._gap_ns = 0
+        self._gap_since_ns = 0
         self._until_ns = 0
         self._due_ns = NEVER_NS
         """When the next beat is due: later than that, it is late. Not before the first one has come."""
@@ -44,16 +47,23 @@ class Beats:
 
     def beat(self, now_ns: int) -> int:
         """Take note of a beat; return how late it was, in ns, where that is worth telling: else 0."""
-        late_ns = 0 if self._due_ns == NEVER_NS else now_ns - self._due_ns
+        late_ns = 0 if self._due_ns == NEVER_NS else max(0, now_ns - self._due_ns)
         self._due_ns = now_ns + EVERY_NS
-        self._gap_ns, self._until_ns = late_ns, now_ns + AFTERWARDS_NS
+        # Beats that traffic stands for come sooner: the gap before them counts as long as it would without.
+        if late_ns > self._gap_ns or now_ns >= self._gap_since_ns + EVERY_NS:
+            self._gap_ns, self._gap_since_ns, self._until_ns = late_ns, now_ns, now_ns + AFTERWARDS_NS
         return late_ns if late_ns >= WORTH_TELLING_NS else 0
+
+    def traffic(self, now_ns: int) -> None:
+        """Bytes were read, and are dealt with: the process runs."""
 
 
 class Pulse(Beats):
-    """Beats on the loop, and calls ``on_beat`` with each one.
+    """Beats on the loop, and calls ``on_beat`` with each beat.
 
-    ``on_standstill`` is told, in ns, how long a beat was late that was worth it.
+    ``on_standstill`` is told, in ns, how long a beat was late that was worth it. A relay has one pulse, and
+    traffic stands for its beats: a process that wakes up for one finds its caches empty, which costs more
+    than all that it does then.
     """
 
     __slots__ = ("_on_beat", "_on_standstill", "_timer")
@@ -65,13 +75,18 @@ class Pulse(Beats):
         self._timer = Timer(self._beat)
         self._timer.arm(boot_ns())
 
+    def traffic(self, now_ns: int) -> None:
+        """See ``Beats``."""
+        if now_ns - self._due_ns > SEEN_EVERY_NS - EVERY_NS:
+            self._beat(now_ns)
+
     def close(self) -> None:
         """Beat no more."""
         self._timer.close()
 
     def _beat(self, now_ns: int) -> None:
         late_ns = self.beat(now_ns)
-        self._timer.arm(now_ns + EVERY_NS)
+        self._timer.put_off(now_ns + EVERY_NS)
         if late_ns:
             self._on_standstill(late_ns)
         self._on_beat()

@@ -113,13 +113,24 @@ def run_relay(
 def noting(log: LogThread) -> Callable[[Note], None]:
     """Return what takes the notes of a relay: for the price of an append, and at once what a start is about.
 
-    A relay that is killed in its first tenth of a second would else not say what it made of its records.
+    A relay that is killed in its first tenth of a second would else not say what it made of its records. The
+    rest is written within ``WRITE_EVERY_S``: to wake the thread of the log on the hot path costs too much.
     """
+    is_due = False
 
     def note(made: Note) -> None:
+        nonlocal is_due
         log.put(made)
         if made.event in AT_ONCE:
             log.wake()
+        elif not is_due:
+            is_due = True
+            asyncio.get_running_loop().call_later(WRITE_EVERY_S, write)
+
+    def write() -> None:
+        nonlocal is_due
+        is_due = False
+        log.wake()
 
     return note
 
@@ -168,18 +179,7 @@ async def _serve(
 async def _with_log(thread: LogThread, serving: Coroutine[None, None, None]) -> None:
     """Serve with a log that is written meanwhile, and to its end afterwards."""
     async with thread:
-        waking = asyncio.create_task(_wake(thread))
-        try:
-            await serving
-        finally:
-            waking.cancel()
-
-
-async def _wake(thread: LogThread) -> None:
-    """Have written what was noted on the hot path, where waking the thread costs too much."""
-    while True:
-        await asyncio.sleep(WRITE_EVERY_S)
-        thread.wake()
+        await serving
 
 
 async def _status_lines(relay: Relay, log: "_Log", every_s: float) -> None:

@@ -39,6 +39,14 @@ class Timer:
         if deadline_ns is not None and not 0 < self._set_ns <= deadline_ns:
             self._program(deadline_ns)
 
+    def put_off(self, deadline_ns: int) -> None:
+        """Set the deadline, and the descriptor with it: to wake once in vain costs more than a system call.
+
+        For a deadline that is put off again and again, and seldom met.
+        """
+        self._deadline_ns = deadline_ns
+        self._program(deadline_ns)
+
     def close(self) -> None:
         """Give the descriptor back; no callback comes after this. Closing twice is harmless."""
         self._deadline_ns = None

@@ -10,7 +10,7 @@ from gateway.relay.run import noting
 PATIENCE_S = 30.0
 
 
-def test_what_a_start_restores_is_written_without_waiting_for_the_next_waking() -> None:
+async def test_what_a_start_restores_is_written_without_waiting_for_the_next_waking() -> None:
     written: list[str] = []
     is_written = threading.Event()
 

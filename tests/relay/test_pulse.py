@@ -39,3 +39,26 @@ async def test_what_is_read_before_and_after_the_late_beat_had_waited() -> None:
     assert 600 * MS < told[0] < 2000 * MS
     assert beats == [0, 1]  # its first one, and the late one
     pulse.close()
+
+
+async def test_traffic_stands_for_beats_and_tells_of_a_standstill_as_they_do() -> None:
+    """Beats are due every 20 ms. Traffic counts as one from 10 ms after the last on."""
+    told: list[int] = []
+    beats: list[int] = []
+    pulse = Pulse(told.append, lambda: beats.append(len(told)))
+    while not beats:  # noqa: ASYNC110 - before its first beat
+        await asyncio.sleep(0)
+    start_ns = pulse._due_ns - 20 * MS
+    for ms in (1, 9, 11, 15, 20, 22, 33):
+        pulse.traffic(start_ns + ms * MS)
+    assert beats == [0, 0, 0, 0]  # its first one, and 11, 22 and 33 ms later
+    assert not pulse.stood_still(start_ns + 57 * MS, 5 * MS)
+    assert pulse.stood_still(start_ns + 59 * MS, 5 * MS)
+    pulse.traffic(start_ns + 653 * MS)  # it was due at 53 ms
+    assert told == [600 * MS]
+    pulse.traffic(start_ns + 664 * MS)
+    assert pulse.stood_still(start_ns + 665 * MS, 599 * MS)  # others may still read what had waited
+    pulse.traffic(start_ns + 675 * MS)
+    assert not pulse.stood_still(start_ns + 676 * MS, 5 * MS)
+    assert told == [600 * MS]
+    pulse.close()
