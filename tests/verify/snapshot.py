@@ -18,8 +18,9 @@ from types import MemberDescriptorType, MethodType, ModuleType
 from typing import Any, Final, NamedTuple
 
 from gateway.compensation.axis import AxisCompensation
-from gateway.exchange.axis.acknowledge import SteadyTarget
+from gateway.exchange.axis.acknowledge import ON_WIRE_AFTER, SteadyTarget
 from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.beam import BEAM_AFTER
 from gateway.exchange.axis.impossible import IGNORED
 from gateway.exchange.axis.interlock import BLOCK_AFTER, Block
 from gateway.exchange.axis.motion import MOTION_AFTER
@@ -29,7 +30,7 @@ from gateway.exchange.cut_through.forward import Forwarder, RequestWay
 from gateway.exchange.cut_through.frame import Cut
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import compensation_state, direction_state
-from gateway.exchange.transaction import PHASE_AFTER, Phase, Stopping
+from gateway.exchange.transaction import PHASE_AFTER, STOP_AFTER, Phase, Stopping
 from gateway.times import NS_PER_MS
 
 FIRST_INSTANT: Final = 10**17
@@ -138,6 +139,7 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "bit_seen_ns": lambda each: each.follows_homed_bit,
     "homing_since_ns": lambda each: each.is_homing,
     "block_code": lambda each: each.is_blocked,
+    "staged": lambda each: each.addresses or each.coils,  # else no trigger runs what was staged
     "_drained_at_last_ns": lambda each: each.is_draining,
     "_steady_map": lambda each: each.is_steady,
     "_last_byte_ns": lambda each: each._buffer,
@@ -774,43 +776,56 @@ def _holds_unsure(value: Any, depth: int) -> bool:
 
 
 TAKEN: Final[set[str]] = set()
-"""Names of the rows of the tables of motion, reference and interlock that were taken and change something."""
+"""Names of the rows of tables that were taken and change something."""
 
 
 class WatchedRows(dict[Any, Any]):
     """The rows of one state, which note what of them is taken."""
 
-    def __init__(self, rows: dict[Any, Any], *prefix: Enum) -> None:
+    def __init__(self, prefix: str, state: Enum, rows: dict[Any, Any]) -> None:
         super().__init__(rows)
-        self.names = {event: row_name((*prefix, event)) for event in rows if rows[event] is not IGNORED}
+        changing = [event for event, after in rows.items() if after is not IGNORED]
+        self.names = {event: f"{prefix}{state.value} + {event.value}" for event in changing}
 
     def __getitem__(self, event: Any) -> Any:
+        self._note(event)
+        return super().__getitem__(event)
+
+    def get(self, event: Any, default: Any = None) -> Any:
+        """See dict."""
+        self._note(event)
+        return super().get(event, default)
+
+    def _note(self, event: Any) -> None:
         name = self.names.get(event)
         if name is not None:
             TAKEN.add(name)
-        return super().__getitem__(event)
+
+
+_TABLES: Final[tuple[tuple[str, dict[Any, Any]], ...]] = (
+    ("", MOTION_AFTER),
+    ("", BLOCK_AFTER),
+    *((f"{way.value} + ", rows) for way, rows in REFERENCE_AFTER.items()),
+    ("beam: ", BEAM_AFTER),
+    ("on the wire: ", ON_WIRE_AFTER),
+    ("request: ", PHASE_AFTER),
+    ("stop: ", STOP_AFTER),
+)
+"""The tables of states, each with what stands before the names of its rows."""
 
 
 def watch_tables() -> None:
     """Let the tables note what is taken of them."""
-    tables: list[tuple[tuple[Enum, ...], dict[Any, Any]]] = [((), MOTION_AFTER), ((), BLOCK_AFTER)]
-    tables += [((way,), rows) for way, rows in REFERENCE_AFTER.items()]
-    for prefix, table in tables:
+    for prefix, table in _TABLES:
         for state, rows in table.items():
             if not isinstance(rows, WatchedRows):
-                table[state] = WatchedRows(rows, *prefix, state)
+                table[state] = WatchedRows(prefix, state, rows)
 
 
 def all_rows() -> set[str]:
-    """Return the names of all rows of the three tables that change something."""
+    """Return the names of all rows of the tables that change something."""
     watch_tables()
-    tables: list[dict[Any, Any]] = [MOTION_AFTER, BLOCK_AFTER, *REFERENCE_AFTER.values()]
-    return {name for table in tables for rows in table.values() for name in rows.names.values()}
-
-
-def row_name(row: Iterable[Enum]) -> str:
-    """Return how a row of a table is called."""
-    return " + ".join(each.value for each in row)
+    return {name for _, table in _TABLES for rows in table.values() for name in rows.names.values()}
 
 
 def dead_names(met: Iterable[str]) -> list[str]:

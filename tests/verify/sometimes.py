@@ -1,8 +1,8 @@
 """What has to be met somewhere in a whole run of ``python -m tests.verify``, and what no world can meet.
 
-A rule that was never put to the test proves nothing. So each row of the tables of whereabouts, reference and
-block is either met, or stands below with the reason why no world reaches it; the same holds for the events of
-the exchange, the exceptions that a controller may be answered, and the ends of what is cut through.
+A rule that was never put to the test proves nothing. So each row of the tables of states is either met, or
+stands below with the reason why no world reaches it; the same holds for the events of the exchange, the
+exceptions that a controller may be answered, and the ends of what is cut through.
 """
 
 from collections.abc import Collection

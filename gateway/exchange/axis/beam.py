@@ -31,6 +31,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from gateway.exchange.axis.acknowledge import Rendering
+from gateway.exchange.axis.impossible import IGNORED
 from gateway.exchange.axis.motion import MotionState
 from gateway.times import NS_PER_S
 
@@ -78,39 +79,39 @@ _OPEN: Final = BeamState.OPEN
 _SENT: Final = BeamState.SENT
 _UNDER_WAY: Final = BeamState.UNDER_WAY
 
-BEAM_AFTER: Final[dict[BeamState, dict[BeamEvent, BeamState]]] = {
+BEAM_AFTER: Final[dict[BeamState, dict[BeamEvent, BeamState | None]]] = {
     BeamState.OPEN: {
         BeamEvent.LEFT: _SENT,
-        BeamEvent.WENT: _OPEN,
-        BeamEvent.WHOLE: _OPEN,
-        BeamEvent.UNPROVEN: _OPEN,
-        BeamEvent.REFUSED: _OPEN,
-        BeamEvent.AGAIN: _OPEN,
-        BeamEvent.ENDED: _OPEN,
-        BeamEvent.EXPIRED: _OPEN,
+        BeamEvent.WENT: IGNORED,
+        BeamEvent.WHOLE: IGNORED,
+        BeamEvent.UNPROVEN: IGNORED,
+        BeamEvent.REFUSED: IGNORED,
+        BeamEvent.AGAIN: IGNORED,
+        BeamEvent.ENDED: IGNORED,
+        BeamEvent.EXPIRED: IGNORED,
     },
     BeamState.SENT: {
-        BeamEvent.LEFT: _SENT,  # two axes in one frame
+        BeamEvent.LEFT: IGNORED,  # two axes in one frame
         BeamEvent.WENT: _UNDER_WAY,
         BeamEvent.WHOLE: _OPEN,
         BeamEvent.UNPROVEN: _UNDER_WAY,  # it may have gone
         BeamEvent.REFUSED: _OPEN,  # none has gone, and none goes before the target of this one came again
-        BeamEvent.AGAIN: _SENT,
+        BeamEvent.AGAIN: IGNORED,
         BeamEvent.ENDED: _OPEN,
-        BeamEvent.EXPIRED: _SENT,  # its answer, or its silence, comes first
+        BeamEvent.EXPIRED: IGNORED,  # its answer, or its silence, comes first
     },
     BeamState.UNDER_WAY: {
-        BeamEvent.LEFT: _UNDER_WAY,
-        BeamEvent.WENT: _UNDER_WAY,
+        BeamEvent.LEFT: IGNORED,
+        BeamEvent.WENT: IGNORED,
         BeamEvent.WHOLE: _OPEN,
-        BeamEvent.UNPROVEN: _UNDER_WAY,
-        BeamEvent.REFUSED: _UNDER_WAY,  # once its target came again it goes by what was fixed
+        BeamEvent.UNPROVEN: IGNORED,
+        BeamEvent.REFUSED: IGNORED,  # once its target came again it goes by what was fixed
         BeamEvent.AGAIN: _OPEN,
         BeamEvent.ENDED: _OPEN,
         BeamEvent.EXPIRED: _OPEN,
     },
 }
-"""What each event makes of each state, complete."""
+"""What each event makes of each state, complete; :data:`IGNORED` changes nothing."""
 
 
 class Fixed(NamedTuple):
@@ -165,10 +166,13 @@ class Beam:
 
     def happens(self, event: BeamEvent) -> None:
         """Go on to the state that the table says; with ``OPEN`` what was put off comes into force."""
-        before, self.state = self.state, BEAM_AFTER[self.state][event]
+        after = BEAM_AFTER[self.state][event]
         if event is BeamEvent.WHOLE:
             self.is_skewed, self.skew = False, None
-        if before is not _OPEN and self.state is _OPEN:
+        if after is IGNORED:
+            return
+        self.state = after
+        if after is _OPEN:
             for release in self._releases:
                 release()
 
