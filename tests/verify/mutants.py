@@ -320,15 +320,28 @@ def kept_verdicts(path: Path) -> dict[str, Verdict]:
     return {verdict.digest: verdict for verdict in verdicts}
 
 
-def explained() -> dict[str, tuple[str, str]]:
-    """Return of each mutant that is known to survive: equivalent, left out or open, and why."""
-    rows = tomllib.loads(EXPLAINED.read_text())["mutant"] if EXPLAINED.exists() else []
-    return {row["name"]: (row["kind"], row["why"]) for row in rows}
+class Reasons:
+    """Why mutants survive: of single ones, and of all in a method through which no world runs."""
+
+    def __init__(self, path: Path = EXPLAINED) -> None:
+        rows = tomllib.loads(path.read_text()) if path.exists() else {}
+        self.mutants: dict[str, tuple[str, str]] = {
+            row["name"]: (row["kind"], row["why"]) for row in rows.get("mutant", ())
+        }
+        """By name: equivalent, left out or open, and why."""
+        self.units: dict[str, str] = {row["unit"]: row["why"] for row in rows.get("unit", ())}
+        """By ``FILE:METHOD``: why no world runs through it."""
+
+    def kind(self, verdict: Verdict) -> str:
+        """Return what is known of a mutant that survives; "" where nothing explains it."""
+        if verdict.worlds == 0 and _unit_of(verdict.name) in self.units:
+            return "left out"
+        return self.mutants.get(verdict.name, ("", ""))[0]
 
 
 def summary(mutants: Sequence[Mutant], verdicts: Mapping[str, Verdict]) -> str:
     """Return what became of the mutants of each file, as a table in Markdown."""
-    reasons = explained()
+    reasons = Reasons()
     kinds = ("killed", "equivalent", "left out", "open", "unexplained", "not tried")
     rows: dict[str, Counter[str]] = {}
     for mutant in mutants:
@@ -339,7 +352,7 @@ def summary(mutants: Sequence[Mutant], verdicts: Mapping[str, Verdict]) -> str:
         elif verdict.is_killed:
             row["killed"] += 1
         else:
-            row[reasons.get(mutant.name, ("unexplained", ""))[0]] += 1
+            row[reasons.kind(verdict) or "unexplained"] += 1
     total = sum(rows.values(), Counter[str]())
     head = f"| file | mutants | {' | '.join(kinds)} |\n|---|{'---:|' * (len(kinds) + 1)}\n"
     lines = (
@@ -424,12 +437,12 @@ def _try_all(mutants: Sequence[Mutant], judge: Judge, asked: argparse.Namespace,
 
 
 def _tell_unexplained(mutants: Sequence[Mutant], verdicts: Mapping[str, Verdict]) -> int:
-    reasons = explained()
+    reasons = Reasons()
     tried = [(each, verdicts[each.digest]) for each in mutants if each.digest in verdicts]
     killed = sum(verdict.is_killed for _, verdict in tried)
     print(f"{killed} of {len(tried)} killed, {100.0 * killed / max(1, len(tried)):.1f} %")
     unexplained = [
-        (mutant, verdict) for mutant, verdict in tried if not verdict.is_killed and mutant.name not in reasons
+        (mutant, verdict) for mutant, verdict in tried if not verdict.is_killed and not reasons.kind(verdict)
     ]
     for mutant, verdict in unexplained:
         print(f"unexplained: {mutant.file}:{mutant.line}: {mutant.name}; worlds: {verdict.worlds}")

@@ -2,9 +2,10 @@
 
 import ast
 from itertools import chain
+from pathlib import Path
 
 from tests.verify.breaking import ROOT, mutants_of
-from tests.verify.mutants import FILES, by_lot, explained
+from tests.verify.mutants import FILES, Reasons, Verdict, by_lot
 
 REGISTERS = ROOT / "gateway" / "exchange" / "axis" / "registers.py"
 KINDS = {"equivalent", "left out", "open"}
@@ -43,8 +44,23 @@ def test_the_order_that_is_drawn_is_of_all_mutants() -> None:
 
 
 def test_each_survivor_that_is_explained_is_a_mutant_with_a_kind_and_a_reason() -> None:
-    names = {mutant.name for mutant in chain.from_iterable(map(mutants_of, FILES))}
-    reasons = explained()
-    assert set(reasons) <= names, sorted(set(reasons) - names)
-    assert {kind for kind, _ in reasons.values()} <= KINDS
-    assert all(why for _, why in reasons.values())
+    mutants = list(chain.from_iterable(map(mutants_of, FILES)))
+    reasons = Reasons()
+    assert sorted(set(reasons.mutants) - {mutant.name for mutant in mutants}) == []
+    units = {f"{Path(mutant.file).stem}:{mutant.unit}" for mutant in mutants}
+    assert sorted(set(reasons.units) - units) == []
+    assert {kind for kind, _ in reasons.mutants.values()} <= KINDS
+    assert all(why for _, why in reasons.mutants.values())
+    assert all(reasons.units.values())
+
+
+def test_a_method_is_explained_as_a_whole_only_where_no_world_runs_through_it(tmp_path: Path) -> None:
+    path = tmp_path / "explained.toml"
+    path.write_text(
+        '[[unit]]\nunit = "axis:Axis.end"\nwhy = "left"\n'
+        '[[mutant]]\nname = "axis:Axis.end:dropped: x"\nkind = "equivalent"\nwhy = "same"\n'
+    )
+    reasons = Reasons(path)
+    assert reasons.kind(Verdict("1", "axis:Axis.end:negated: y", 1)) == "left out"
+    assert reasons.kind(Verdict("1", "axis:Axis.end:negated: y", 1, worlds=2)) == ""
+    assert reasons.kind(Verdict("1", "axis:Axis.end:dropped: x", 1, worlds=2)) == "equivalent"
