@@ -15,7 +15,7 @@ from tools.diagram import STYLE
 
 BAUDRATE: Final = 9600
 CHARACTER_NS: Final = round(11 * NS_PER_S / BAUDRATE)
-REQUEST: Final = write_shape(2, 0, 2)
+REQUEST: Final = write_shape(2, 0, 2, is_early=True)
 REPLY: Final = acknowledgement_shape()
 
 TITLE: Final = "A write of a position and its reply at 9 600 baud: without a gateway, stored, cut through"

@@ -5,7 +5,7 @@ Which requests have a fast path the exchange decides frame by frame (``exchange.
 round; tests/budget holds one against the other.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Final, NamedTuple
 
 from gateway.drives.motion import Addressing, Form
@@ -19,7 +19,7 @@ from gateway.exchange.cut_through.delay import (
     stored_ns,
     write_shape,
 )
-from gateway.exchange.plan import AxisPlan, CompensationMode
+from gateway.exchange.plan import AxisPlan, CompensationMode, writes_alone
 from gateway.modbus.registers import PositionField
 
 REGISTER_READS: Final = frozenset({Form.FC03, Form.FC04})
@@ -52,24 +52,30 @@ def delay_of(shape: Shape, in_ns: int, out_ns: int) -> Delay:
     return Delay(after_ns, saves_ns if saves_ns >= max(in_ns, out_ns) else 0)
 
 
-def target_shapes(axis: AxisPlan, registers: int, with_rules: Collection[int]) -> Shapes | None:
+def target_shapes(
+    axis: AxisPlan, registers: int, with_rules: Collection[int], of_unit: Iterable[AxisPlan]
+) -> Shapes | None:
     """Return the shapes of a target in a block of so many registers; None: it is stored.
 
     ``with_rules``: unit ids whose frames may mean something else than positions to be gone to at once.
+    ``of_unit``: all axes of its unit id.
     """
     field = axis.command[0]
     is_plain = axis.compensation is not CompensationMode.SHADOW and not field.type.is_float
     if not (is_plain and _is_read_as_registers(axis)) or axis.unit_id in with_rules:
         return None
-    return Shapes(write_shape(registers, _word(field), field.words), acknowledgement_shape())
+    is_early = not _word(field) and field.is_high_first_pair and writes_alone(of_unit, field)
+    request = write_shape(registers, _word(field), field.words, is_early=is_early)
+    return Shapes(request, acknowledgement_shape())
 
 
 def position_shapes(axis: AxisPlan, field: PositionField) -> Shapes | None:
     """Return the shapes of a read of one position, with the block that it stands in; None: it is stored."""
     if not _is_read_as_registers(axis):
         return None
-    first = field.address - _word(field)
-    return Shapes(read_shape(), reply_shape(field.end - first, [(_word(field), field.words)]))
+    word = _word(field)
+    early = [word] if field.is_high_first_pair else []
+    return Shapes(read_shape(), reply_shape(word + field.words, [(word, field.words)], early))
 
 
 def registers_shapes(axis: AxisPlan, registers: int) -> Shapes | None:

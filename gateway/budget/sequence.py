@@ -5,7 +5,7 @@ A round of an axis is: its target, its trigger where the drive waits for one, it
 blocks are told so with :class:`Blocks`.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -77,13 +77,25 @@ def round_of(
     if not axes and blocks.read_registers:
         return (Step("", What.BLOCK, read_frame(Form.FC03, blocks.read_registers)),)
     with_rules = {axis.unit_id for axis in axes if axis.has_rules}
-    return tuple(step for axis in axes for step in _steps(axis, blocks, with_rules, may_move=may_move))
+    of_unit = {axis.unit_id: [each for each in axes if each.unit_id == axis.unit_id] for axis in axes}
+    return tuple(
+        step
+        for axis in axes
+        for step in _steps(axis, blocks, with_rules, of_unit[axis.unit_id], may_move=may_move)
+    )
 
 
-def _steps(axis: AxisPlan, blocks: Blocks, with_rules: Collection[int], *, may_move: bool) -> Iterator[Step]:
+def _steps(
+    axis: AxisPlan,
+    blocks: Blocks,
+    with_rules: Collection[int],
+    of_unit: Iterable[AxisPlan],
+    *,
+    may_move: bool,
+) -> Iterator[Step]:
     if may_move:
         for frame in _target_frames(axis, blocks.target_registers):
-            yield Step(axis.name, What.TARGET, frame, _target_shapes(axis, blocks, with_rules))
+            yield Step(axis.name, What.TARGET, frame, _target_shapes(axis, blocks, with_rules, of_unit))
         trigger = _trigger(axis)
         if trigger is not None:
             yield Step(axis.name, What.TRIGGER, _trigger_frame(axis, trigger))
@@ -114,12 +126,14 @@ def _target_frames(axis: AxisPlan, registers: int) -> tuple[Frame, ...]:
     return write_frames(axis.writes_with, least)
 
 
-def _target_shapes(axis: AxisPlan, blocks: Blocks, with_rules: Collection[int]) -> Shapes | None:
+def _target_shapes(
+    axis: AxisPlan, blocks: Blocks, with_rules: Collection[int], of_unit: Iterable[AxisPlan]
+) -> Shapes | None:
     """Return the shapes of a target. In a block of more registers its position is taken to stand first."""
     least = least_target_registers(axis)
     if blocks.target_registers <= least and axis.writes_with is not Form.FC16:
         return None
-    return target_shapes(axis, max(blocks.target_registers, least), with_rules)
+    return target_shapes(axis, max(blocks.target_registers, least), with_rules, of_unit)
 
 
 def _trigger(axis: AxisPlan) -> TriggerPlan | None:

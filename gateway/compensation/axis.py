@@ -390,6 +390,14 @@ class AxisCompensation:
         counts = correction * self._counts_per_unit
         return SteadyMove(nominal_counts, counts, position, extreme, now_ns, self._state, correction_map)
 
+    def steady_correction(self, nominal_counts: Counts) -> float:
+        """Return what :meth:`plan_steady` adds to a target, in counts, if it returns anything.
+
+        The target and this never fall together as the target rises: slopes stay above -1.
+        """
+        position = (nominal_counts - self._zero_counts) / self._counts_per_unit
+        return self._steady_map.correction(position) * self._counts_per_unit
+
     def move_of(self, steady: SteadyMove) -> Move:
         """Return a steady move with the state that accepting it leads to, as :meth:`plan` would."""
         state = self._state_after(steady.before, steady.position, steady.extreme, steady.now_ns)

@@ -17,6 +17,7 @@ from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, MotionState
 from gateway.exchange.decode import Frame, Part, decode
 from gateway.exchange.field_counts import nearest
+from gateway.exchange.plan import writes_alone
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.render import nominal_limit
 from gateway.exchange.reply import READS_BITS, note_bits
@@ -30,6 +31,9 @@ from gateway.modbus.words import Integer
 
 ARRIVED: Final = MotionState.ARRIVED
 
+LOWEST: Final = b"\x00"
+HIGHEST: Final = b"\xff"
+"""Between these lies the last byte of a position of which all others have come."""
 NOBODY: Final[frozenset[str]] = frozenset()
 """Names of the axes that a read sends somewhere."""
 
@@ -144,6 +148,31 @@ class ReadPath(FastPath):
         except RegisterRangeError:
             return None
 
+    def is_early(self, which: int) -> bool:
+        """Whether the first byte of a position may be told from all but its last one.
+
+        Not of a limit: 0 passes as it is.
+        """
+        read = self._reads[which]
+        return read.field.is_high_first_pair and read.role is not FieldRole.LIMIT
+
+    def begins_with(self, byte: int, transaction: Transaction, which: int, begun: bytes) -> bool:
+        """Whether :meth:`turned` begins with this byte, whatever byte comes behind ``begun`` as the last one.
+
+        Between both ends positions are turned back in their order; a command may be known by its words.
+        """
+        axis, role, _, number, _, _, _ = self._reads[which]
+        candidates = [begun + LOWEST, begun + HIGHEST]
+        if role is FieldRole.COMMAND:
+            there = axis.fields[number].corrected_words
+            if there is not None and there.startswith(begun):
+                candidates.append(there)
+        for words in candidates:
+            turned = self.turned(transaction, which, words)
+            if turned is None or turned[0] != byte:
+                return False
+        return True
+
 
 class WritePath(FastPath):
     """Writes of one whole target, in a frame that may hold other words beside it."""
@@ -164,6 +193,7 @@ class WritePath(FastPath):
         "_start",
         "_terms",
         "_unit",
+        "is_early",
     )
 
     def __init__(self, pdu: bytes, unit: UnitMap, access: Access, hit: FieldHit) -> None:
@@ -186,6 +216,11 @@ class WritePath(FastPath):
         """Which all requests of this path begin with."""
         self._echo = pdu[:5]
         self._asks_for_bits = unit.asks_for_bits
+        is_first = self._start == access.data_offset
+        is_alone = writes_alone((axis.plan for axis in unit.axes), hit.place.field)
+        self.is_early = is_first and is_alone and hit.place.field.is_high_first_pair
+        """Whether it may begin to leave by the first byte of its address, and its position by all but the
+        last byte: see ``cut_through.delay.write_shape``."""
 
     def sent(self, transaction: Transaction, now_ns: int) -> bytes | None:
         """See ``FastPath``."""
@@ -253,6 +288,30 @@ class WritePath(FastPath):
             return None
         corrected_counts = raw if self._scale == 1.0 else raw * self._scale
         return SteadyTarget(words, corrected_words, corrected_counts, image.epoch, steady)
+
+    def begins_with(self, byte: int, port: ControllerPort | None, begun: bytes, now_ns: int) -> bool:
+        """Whether the words that :meth:`judged` sends begin with this byte, if it sends any.
+
+        Whatever byte comes behind ``begun`` as the last one. What is added between both ends leaves targets
+        in their order; the target of before is sent as it was.
+        """
+        image = self._image
+        if not self.is_ready(port, now_ns) or (self._terms is not None and self._terms.is_due(now_ns)):
+            return False
+        if image.nominal_words is not None and image.nominal_words.startswith(begun):
+            there = image.corrected_words
+            if there is None or there[0] != byte:
+                return False
+        for last in (LOWEST, HIGHEST):
+            raw = self._codec.unpack(begun + last, 0)
+            counts = self._axis.compensation.steady_correction(raw * self._scale)
+            try:
+                words = self._codec.pack(raw + nearest(counts / self._scale))
+            except RegisterRangeError:
+                return False
+            if words[0] != byte:
+                return False
+        return True
 
     def left(self, transaction: Transaction) -> None:
         """See ``FastPath``."""

@@ -1,6 +1,6 @@
 """What the exchange needs to know, checked and frozen before it runs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
@@ -25,6 +25,9 @@ the way from one panel to the next."""
 
 DEFAULT_BUDGET_US: Final = 1000.0
 """About ten times what the relay takes in the median on a small Linux machine: an overrun is told."""
+
+PAGE_BITS: Final = 8
+"""Addresses of one high byte."""
 
 
 class CompensationMode(Enum):
@@ -209,6 +212,22 @@ class OtherUnits:
 
 
 NO_OTHER_UNITS: Final = OtherUnits()
+
+
+def writes_alone(plans: Iterable[AxisPlan], field: PositionField) -> bool:
+    """Whether a target is all that is written with FC16 at an address with the same high byte, by the maps.
+
+    Of one unit id, of which no frame may mean anything else than positions to be gone to at once.
+    """
+    page = field.address >> PAGE_BITS
+    for plan in plans:
+        settable = [plan.actual[number] for number in plan.settable]
+        written = (*plan.command, *plan.limits, *settable, *plan.guarded, *plan.remapping)
+        for other in written:
+            first = other.address if other.block is None else other.block
+            if other != field and page in (first >> PAGE_BITS, other.address >> PAGE_BITS):
+                return False
+    return True
 
 
 @dataclass(frozen=True, slots=True)

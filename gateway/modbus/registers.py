@@ -158,6 +158,12 @@ class PositionField(_WithCodec):
         """The first address behind the field."""
         return self.address + self._codec.words
 
+    @property
+    def is_high_first_pair(self) -> bool:
+        """Whether it is a whole number of four bytes, of which the highest one comes first."""
+        is_whole = not self.type.is_float and self.words == 2
+        return is_whole and self.order is WordOrder.HIGH_FIRST
+
     def unpack(self, data: bytes, offset: int = 0) -> Raw:
         """Return the raw value that starts at byte ``offset`` of ``data``.
 

@@ -25,9 +25,9 @@ def test_a_line_that_stores_adds_the_wire_once_more() -> None:
 @pytest.mark.parametrize(
     ("way", "margin_us", "expected"),
     [
-        # Two delays of 4 + 2 characters and two margins (of 0.361 and of 0.2 ms), of 21 and of 19 characters.
-        (Way(9600), 361.458, ((6 * 1.145833 + 0.722917) / 24.0625, (6 * 1.145833 + 0.722917) / 21.7708)),
-        (Way(115_200), 200, ((6 * 0.0954861 + 0.4) / 2.005208, (6 * 0.0954861 + 0.4) / 1.814236)),
+        # Two delays of 3 + 2 characters and two margins (of 0.361 and of 0.2 ms), of 21 and of 19 characters.
+        (Way(9600), 361.458, ((5 * 1.145833 + 0.722917) / 24.0625, (5 * 1.145833 + 0.722917) / 21.7708)),
+        (Way(115_200), 200, ((5 * 0.0954861 + 0.4) / 2.005208, (5 * 0.0954861 + 0.4) / 1.814236)),
     ],
 )
 def test_a_line_that_cuts_through_adds_its_delays(
@@ -42,9 +42,9 @@ def test_a_line_that_cuts_through_adds_its_delays(
     assert said["requests"]["cut_through"] == 600 - 2 * 32
     assert said["requests"]["stored"] == {"kept": 2 * 32}
     assert (said["requests"]["spoilt"], said["replies"]["spoilt"], said["torn"]) == ({}, {}, 0)
-    # Nine characters of a write and six of a read less a margin each: in the mean seven and a half.
+    # Ten characters of a write and six of a read less a margin each: in the mean eight.
     char_us = 11e6 / way.baudrate
-    assert said["requests"]["gain_us"] == pytest.approx(7.5 * char_us - margin_us, abs=3)
+    assert said["requests"]["gain_us"] == pytest.approx(8 * char_us - margin_us, abs=3)
     assert line.events == {"line-up": 1}
 
 

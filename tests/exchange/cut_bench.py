@@ -65,6 +65,10 @@ class Adds(Judge):
         raw = (int.from_bytes(words[-4:], "big") + self.counts) % 2**32
         return words[:-4] + raw.to_bytes(4, "big")
 
+    def begins_with(self, byte: int, begun: bytes, first: int, now_ns: int) -> bool:
+        ends = [int.from_bytes(begun[first:] + last, "big") + self.counts for last in (b"\x00", b"\xff")]
+        return all(end % 2**32 >> 24 == byte for end in ends)
+
     def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
         self.committed.append((frame, sent))
         return self.agrees

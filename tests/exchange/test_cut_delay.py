@@ -21,12 +21,16 @@ from gateway.exchange.cut_through.delay import (
     stored_ns,
     write_shape,
 )
+from gateway.modbus.crc import ends_a_frame, residue_after
 
 WRITE = write_shape(2, 0, 2)
+EARLY_WRITE = write_shape(2, 0, 2, is_early=True)
 ACKNOWLEDGEMENT = acknowledgement_shape()
 READ = read_shape()
 POSITION = reply_shape(2, [(0, 2)])
 POSITION_AND_STATUS = reply_shape(3, [(0, 2)])
+EARLY_POSITION = reply_shape(2, [(0, 2)], [0])
+EARLY_POSITION_AND_STATUS = reply_shape(3, [(0, 2)], [0])
 STATUS = reply_shape(1)
 
 CHAR_9600 = 11 * 1_000_000_000 // 9600
@@ -51,10 +55,26 @@ def test_what_waits_for_what_in_a_reply_with_two_positions() -> None:
     assert [shape.needs(index) for index in range(15)] == [3, 3, 3, 4, 5, *[9] * 4, *[13] * 4, 15, 15]
 
 
+def test_what_waits_for_what_where_the_first_byte_of_a_position_leaves_before_the_last_one_has_come() -> None:
+    # 01 10 addr | addr count count bytes | p | p p p | w2 w2 | crc crc: the first byte of the position with
+    # the third, what is behind it when it is whole.
+    shape = write_shape(3, 0, 2, is_early=True)
+    needs = [3, 3, 3, 4, 5, 6, 7, 10, 11, 11, 11, 12, 13, 15, 15]
+    assert [shape.needs(index) for index in range(15)] == needs
+    # 01 03 bytes | ss ss | p | p p p | q q q q | crc crc: of the second one the lowest word comes first.
+    reply = reply_shape(5, [(1, 2), (3, 2)], [1])
+    assert [reply.needs(index) for index in range(15)] == [3, 3, 3, 4, 5, 8, 9, 9, 9, *[13] * 4, 15, 15]
+    assert (shape.late, reply.late) == (write_shape(3, 0, 2), reply_shape(5, [(1, 2), (3, 2)]))
+    assert (write_shape(3, 0, 2).late, reply_shape(5, [(1, 2)]).late) == (None, None)
+
+
 @pytest.mark.parametrize(
     ("shape", "characters"),
     [
         (WRITE, 4),  # byte 7 leaves when 11 have come
+        (EARLY_WRITE, 3),  # byte 7 when 10 have, byte 8 when 11, byte 0 when 3
+        (EARLY_POSITION, 3),  # byte 3 when 6 have, byte 4 when 7, byte 0 when 3
+        (EARLY_POSITION_AND_STATUS, 3),
         (write_shape(4, 1, 2), 6),  # byte 7 when 13 have
         (ACKNOWLEDGEMENT, 2),  # the check sum: byte 6 when 8 have
         (READ, 2),
@@ -69,15 +89,19 @@ def test_delays_in_characters_where_both_sides_are_equal(shape: Shape, character
 
 
 def test_the_share_of_a_round_trip_that_is_added() -> None:
-    # 6 of 21 characters for a write, 6 of 17 for a read of a position, 6 of 19 with its status beside it.
-    for request, reply, whole in (
-        (WRITE, ACKNOWLEDGEMENT, 21),
-        (READ, POSITION, 17),
-        (READ, POSITION_AND_STATUS, 19),
+    # 6 of 21 characters for a write, 6 of 17 for a read of a position, 6 of 19 with its status beside it;
+    # and 5 where the first byte of the position leaves with the third.
+    for request, reply, whole, characters in (
+        (WRITE, ACKNOWLEDGEMENT, 21, 6),
+        (READ, POSITION, 17, 6),
+        (READ, POSITION_AND_STATUS, 19, 6),
+        (EARLY_WRITE, ACKNOWLEDGEMENT, 21, 5),
+        (READ, EARLY_POSITION, 17, 5),
+        (READ, EARLY_POSITION_AND_STATUS, 19, 5),
     ):
         added_ns = delay_ns(request, CHAR_9600, CHAR_9600) + delay_ns(reply, CHAR_9600, CHAR_9600)
         direct_ns = (request.length + reply.length) * CHAR_9600
-        assert added_ns * whole == 6 * direct_ns
+        assert added_ns * whole == characters * direct_ns
         assert stored_ns(request, CHAR_9600) + stored_ns(reply, CHAR_9600) == direct_ns
     assert round(6 / 21, 2) == 0.29
 
@@ -98,22 +122,24 @@ def test_delays_where_baud_rates_differ(in_characters: int, out_characters: int,
 
 def block_shape(before: int, behind: int) -> Shape:
     """A write of one position between other registers."""
-    return write_shape(before + 2 + behind, before, 2)
+    return write_shape(before + 2 + behind, before, 2, is_early=not before)
 
 
-def mixed_shape(has_position: list[bool]) -> Shape:
+def mixed_shape(has_position: list[bool], are_early: list[bool]) -> Shape:
     """A reply with a position or one other register each."""
     sizes = [1 + has for has in has_position]
     firsts = accumulate(sizes[:-1], initial=0)
-    return reply_shape(
-        sum(sizes), [(first, 2) for first, size in zip(firsts, sizes, strict=True) if size == 2]
-    )
+    positions = [(first, 2) for first, size in zip(firsts, sizes, strict=True) if size == 2]
+    early = [first for (first, _), is_early in zip(positions, are_early, strict=False) if is_early]
+    return reply_shape(sum(sizes), positions, early)
 
 
 shapes = st.one_of(
     st.just(READ),
     st.builds(block_shape, st.integers(0, 9), st.integers(0, 9)),
-    st.lists(st.booleans(), min_size=1, max_size=9).map(mixed_shape),
+    st.builds(
+        mixed_shape, st.lists(st.booleans(), min_size=1, max_size=9), st.lists(st.booleans(), max_size=9)
+    ),
 )
 
 
@@ -262,6 +288,68 @@ def test_a_port_whose_needs_leave_no_gain_stores_and_cuts_through_again_when_the
     assert delay.delay_ns == 4000
 
 
+FRAMES = st.integers(0, 2**32 - 1).map(lambda raw: bytes.fromhex("01 10 06 06 00 02 04") + raw.to_bytes(4))
+
+
+@given(frame=FRAMES, reach=st.integers(0, 2**25))
+def test_a_first_byte_is_expected_to_stay_where_no_border_of_it_is_within_reach(
+    frame: bytes, reach: int
+) -> None:
+    raw = int.from_bytes(frame[7:])
+    # 0 and 2^32 are borders as all other multiples of 2^24; the next one below belongs to the byte itself.
+    is_far = raw % 2**24 >= reach and raw % 2**24 + reach < 2**24
+    if not ends_a_frame(residue_after(frame[:8])):
+        assert EARLY_WRITE.stays(frame, reach) == is_far
+    assert WRITE.stays(frame, reach)
+
+
+def test_a_first_byte_that_ends_a_frame_is_expected_to_wait_for_the_one_behind_it() -> None:
+    """One of 65 536 pairs of address and first byte leaves a residue at which no piece ends."""
+    found = 0
+    for address in range(0x10000):
+        frame = b"\x01\x10" + address.to_bytes(2) + bytes.fromhex("00 02 04 00 00 80 00")
+        if ends_a_frame(residue_after(frame[:8])):
+            found += 1
+            assert not EARLY_WRITE.stays(frame, 0)
+    assert found == 2  # intact, and a seam
+
+
+def test_how_far_the_next_position_may_be() -> None:
+    def frame(counts: int) -> bytes:
+        return bytes.fromhex("01 10 06 06 00 02 04") + (counts % 2**32).to_bytes(4)
+
+    reach = EARLY_WRITE.reach(b"", frame(500), 0)
+    assert reach == 2**32  # anywhere
+    # From -20 to 30 are 50 counts: twice that, and four times the 256 of a last byte.
+    assert EARLY_WRITE.reach(frame(-20), frame(30), reach) == 1124
+    assert EARLY_WRITE.reach(frame(30), frame(30), 1124) == 1124 - 70  # a sixteenth of it is forgotten
+    assert EARLY_WRITE.reach(frame(30), frame(2030), 1124) == 5024
+
+
+@pytest.mark.parametrize(
+    ("baudrate", "asked", "answered", "share"),
+    [
+        # Five characters and two margins: 0.3154 of a character at 9 600 Bd, 0.3809 at 19 200,
+        # 0.6982 at 38 400.
+        (9600, EARLY_WRITE, ACKNOWLEDGEMENT, 0.268),  # 5.6309 of 21
+        (9600, READ, EARLY_POSITION_AND_STATUS, 0.296),  # of 19
+        (9600, READ, EARLY_POSITION, 0.331),  # of 17
+        (19200, EARLY_WRITE, ACKNOWLEDGEMENT, 0.274),  # 5.7618
+        (19200, READ, EARLY_POSITION_AND_STATUS, 0.303),
+        (38400, EARLY_WRITE, ACKNOWLEDGEMENT, 0.305),  # 6.3964
+        (38400, READ, EARLY_POSITION_AND_STATUS, 0.337),
+        # Six, where the position has to be whole first.
+        (9600, WRITE, ACKNOWLEDGEMENT, 0.316),
+        (9600, READ, POSITION_AND_STATUS, 0.349),
+        (9600, READ, POSITION, 0.390),
+    ],
+)
+def test_the_figures_of_the_decision(baudrate: int, asked: Shape, answered: Shape, share: float) -> None:
+    char_ns = 11 * 1_000_000_000 // baudrate
+    added_ns = sum(measured_ns(shape, char_ns, 0) for shape in (asked, answered))
+    assert round(added_ns / ((asked.length + answered.length) * char_ns), 3) == share
+
+
 @pytest.mark.parametrize(
     ("baudrate", "lump_ns", "asked", "answered", "at_most"),
     [
@@ -269,6 +357,8 @@ def test_a_port_whose_needs_leave_no_gain_stores_and_cuts_through_again_when_the
         (9600, 0, READ, POSITION, 0.40),
         (19200, 0, WRITE, ACKNOWLEDGEMENT, 0.40),
         (19200, 0, READ, POSITION_AND_STATUS, 0.40),
+        (38400, MS, EARLY_WRITE, ACKNOWLEDGEMENT, 0.60),
+        (38400, MS, READ, EARLY_POSITION_AND_STATUS, 0.60),
         (38400, MS, WRITE, ACKNOWLEDGEMENT, 0.60),
         (38400, MS, READ, POSITION_AND_STATUS, 0.60),
     ],

@@ -42,6 +42,8 @@ class Way:
 
     def measure(self, shape: Shape | None) -> None:
         assert shape is not None
+        if shape.late is not None:
+            self.measure(shape.late)
         pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
         for _ in range(LEARNED_AFTER):
             self.replies.delays.measure(shape, pieces)

@@ -11,10 +11,10 @@ import pytest
 from gateway.compiled import is_compiled
 from gateway.exchange.axis import impossible
 from gateway.exchange.axis.impossible import ImpossibleEventError
-from gateway.exchange.cut_through.delay import write_shape
+from gateway.exchange.cut_through.delay import reply_shape, write_shape
 from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutEvent, CutThrough, closed, is_fit_head
-from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
-from gateway.modbus.rtu_arrival import Known, RequestArrival
+from gateway.modbus.crc import INVERTED, append_crc, ends_a_frame, is_intact, residue_after
+from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
 from tests.exchange.cut_bench import (
     ACKNOWLEDGEMENT,
     HEAD,
@@ -122,6 +122,124 @@ def test_no_byte_of_data_leaves_before_the_position_is_whole_and_words_behind_it
         (15000, "22"),
         (17000, append_crc(head + bytes.fromhex("11 11 00 00 00 23 22 22"))[-2:].hex(" ")),
     ]
+
+
+# --- the first byte of a position, before the last one has come ------------------------------------------
+
+
+def early(counts: int = 3, last: str = "55 55 00 05") -> tuple[CutThrough, Adds, list[CutEvent]]:
+    """Return a write whose position may begin to leave with its third byte."""
+    return write(
+        shape=write_shape(2, 0, 2, is_early=True),
+        expected=HEAD + bytes.fromhex(last),
+        delay_ns=3000,
+        counts=counts,
+    )
+
+
+EARLY = [(4000, "01 10 6f 00"), (5000, "00"), (6000, "02"), (7000, "04")]
+"""The head of the write, as it leaves: three bytes of it have come at 3 000, the first one at 1 000."""
+
+
+def test_a_write_whose_first_byte_is_decided_by_the_third_leaves_three_characters_behind_itself() -> None:
+    cut, judge, events = early()
+    assert play(cut, characters(WRITE)) == [*EARLY, (10000, "55"), (11000, "55 00 0b"), *CRC]
+    assert cut.left == SENT
+    assert events == [CutEvent.OPENED, CutEvent.FITTED, CutEvent.JUDGED, CutEvent.COMMITTED]
+    assert judge.committed == [(WRITE[:-2], SENT[:-2])]
+
+
+@pytest.mark.parametrize(
+    ("data", "counts", "last"),
+    [
+        ("00 FF FF 08", 3, "00 FF FF 00"),  # 00FFFF00 … 00FFFFFF and 3: 01000002 begins with another byte
+        ("00 00 00 08", -3, "00 00 00 05"),  # 00000000 less 3 is FFFFFFFD
+        ("FF FF FF 08", 3, "FF FD FF 00"),
+        ("7F FF FF 08", 3, "7F FD FF 00"),
+        ("56 55 00 08", 3, "55 55 00 05"),  # decided, but not what a filled-up frame would go on with
+        ("55 00 00 08", -9, "55 55 00 05"),
+    ],
+)
+def test_a_first_byte_that_is_not_decided_or_another_one_waits_for_the_last_one(
+    data: str, counts: int, last: str
+) -> None:
+    frame = append_crc(HEAD + bytes.fromhex(data))
+    cut, _, events = early(counts, last)
+    # What has left is off the wire at 11 000, and half a character before nothing follows it: filled up.
+    filled = bytes.fromhex(last) + filled_crc(HEAD + bytes.fromhex(last))
+    assert play(cut, characters(frame)) == [*EARLY, (10500, filled.hex(" "))]
+    assert (cut.state, events[-1], cut.arrival.known) == (Cut.SPOILT, CutEvent.STALLED, Known.GOOD)
+    # Where the last byte comes with the one before it nothing has to be known of either.
+    cut, _, events = early(counts, last)
+    came = characters(frame)
+    play(cut, [*came[:9], (10400, frame[9:11]), (11400, frame[11:12]), (12400, frame[12:])])
+    raw = (int.from_bytes(frame[7:11], "big") + counts) % 2**32
+    assert (cut.state, cut.left) == (Cut.WHOLE, append_crc(HEAD + raw.to_bytes(4, "big")))
+
+
+@pytest.mark.parametrize(("counts", "data"), [(0xFF, "55 FF FF 01"), (-0x100, "55 00 00 FF")])
+def test_a_position_that_begins_with_another_byte_than_has_left_is_spoilt(counts: int, data: str) -> None:
+    """The correction changes between the third and the last byte, so that it carries into the first."""
+    frame = append_crc(HEAD + bytes.fromhex(data))
+    cut, judge, events = early(0)
+    came = characters(frame)
+    assert play(cut, came[:10])[-1] == (10000, "55")
+    judge.counts = counts
+    left = play(cut, came[10:])
+    assert left == [(11000, (LAST[8:] + filled_crc(LAST)).hex(" "))]
+    assert (cut.state, events[-1], judge.committed) == (Cut.SPOILT, CutEvent.CHANGED, [])
+    assert cut.left[:-2] == LAST  # what the drive holds
+
+
+@pytest.mark.parametrize("why", [CutEvent.OVERTAKEN, CutEvent.GONE, CutEvent.ANEW, CutEvent.MET])
+def test_what_ends_a_frame_behind_its_first_byte_fills_it_up_with_what_the_drive_holds(why: CutEvent) -> None:
+    cut, _, _ = early()
+    play(cut, characters(WRITE[:10]))
+    assert len(cut.left) == 8
+    assert cut.go_on(why, 10400) == LAST[8:] + filled_crc(LAST)
+    assert (cut.left[:-2], cut.state) == (LAST, Cut.SPOILT)
+
+
+def test_silence_behind_the_first_byte_of_a_position_fills_it_up() -> None:
+    cut, _, events = early()
+    # Eight bytes from 4 000 on are off the wire at 12 000; a character's pause ends at 11 500, the same.
+    assert play(cut, characters(WRITE[:10]), 40000)[-1] == (11500, (LAST[8:] + filled_crc(LAST)).hex(" "))
+    assert (cut.state, events[-1]) == (Cut.SPOILT, CutEvent.STALLED)
+
+
+def test_each_position_of_a_reply_begins_to_leave_before_it_is_whole() -> None:
+    shape = reply_shape(5, [(0, 2), (3, 2)], [0, 3])
+    asked, head = bytes.fromhex("03 02 00 00 05"), bytes.fromhex("01 03 0A")
+    frame = append_crc(head + bytes.fromhex("00 00 10 00 00 07 00 FE FF FF"))
+    expected = head + bytes.fromhex("00 00 20 00 00 06 00 FE 00 00")
+    judge = Adds(shape=shape, expected=expected, head_bytes=3, delay_ns=3000, counts=-3)
+    cut = CutThrough(ReplyArrival(1, asked), judge, PACE)
+    assert (
+        play(cut, characters(frame))
+        == [
+            (4000, "01 03 0a"),
+            (6000, "00"),
+            (7000, "00 0f fd"),  # 0x1000 − 3
+            (8000, "00"),
+            (9000, "07"),
+            (12000, "00"),
+            (13000, "fe ff fc"),
+            (15000, append_crc(head + bytes.fromhex("00 00 0F FD 00 07 00 FE FF FC"))[-2:].hex(" ")),
+        ]
+    )
+
+
+def test_a_first_byte_behind_which_a_frame_would_end_waits_for_the_next_one() -> None:
+    for address in range(0x10000):
+        head = b"\x01\x10" + address.to_bytes(2, "big") + b"\x00\x02\x04"
+        if is_fit_head(head) and ends_a_frame(residue_after(head + b"\x55")):
+            break
+    frame = append_crc(head + WRITE[7:11])
+    shape = write_shape(2, 0, 2, is_early=True)
+    cut, _, _ = write(shape=shape, expected=head + LAST[7:], delay_ns=4000)
+    left = play(cut, characters(frame))
+    assert left[-2:] == [(11000, "55 55 00 0b"), (13000, cut.left[-2:].hex(" "))]
+    assert cut.state is Cut.WHOLE
 
 
 # --- every way in which a frame ends otherwise ----------------------------------------------------------

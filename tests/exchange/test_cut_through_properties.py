@@ -39,6 +39,8 @@ class Course:
     delay_ns: int
     agrees: bool
     refused: bool
+    is_early: bool
+    """The first byte of its position may leave with the third."""
 
     @property
     def frame(self) -> bytes:
@@ -65,11 +67,19 @@ def courses(draw: st.DrawFn) -> Course:
     gap = st.sampled_from((0, 0, 300, CHAR_NS, CHAR_NS, 1400, 5000))
     smooth, uneven = st.just([CHAR_NS] * length), st.lists(gap, min_size=length, max_size=length)
     # Of a write whose characters come evenly this is what the arithmetic says, and one of margin.
-    enough = st.just((4 + 2 * word) * CHAR_NS)
+    is_early = not word and draw(st.booleans())
+    enough = st.just((4 + 2 * word - is_early) * CHAR_NS)
+    data = draw(st.binary(min_size=2 * count, max_size=2 * count))
+    before = draw(st.binary(min_size=2 * count, max_size=2 * count))
+    if draw(st.booleans()):  # from a position nearby, and perhaps at a border
+        border = draw(st.sampled_from((0, 1 << 8, 1 << 16, 1 << 24, 1 << 31, -1 << 24)))
+        near = (border + draw(st.integers(-300, 300))) % 2**32
+        data = near.to_bytes(4, "big") + data[4:]
+        before = data[:1] + before[1:]
     return Course(
         head=head,
-        data=draw(st.binary(min_size=2 * count, max_size=2 * count)),
-        before=draw(st.binary(min_size=2 * count, max_size=2 * count)),
+        data=data,
+        before=before,
         word=word,
         gaps=tuple(draw(smooth if is_smooth else uneven)),
         flipped=draw(st.one_of(st.just(1 << 20), st.just(1 << 20), st.integers(0, 8 * length))),
@@ -79,6 +89,7 @@ def courses(draw: st.DrawFn) -> Course:
         delay_ns=draw(st.one_of(enough, enough, st.integers(0, 16).map(lambda half: half * CHAR_NS // 2))),
         agrees=draw(st.integers(0, 9)) > 0,
         refused=draw(st.integers(0, 9)) == 0,
+        is_early=is_early,
     )
 
 
@@ -97,7 +108,7 @@ def run(course: Course) -> Left:
     """Let a course take place, with timers that are on time."""
     position = 7 + 2 * course.word
     judge = Adds(
-        shape=write_shape(len(course.data) // 2, course.word, 2),
+        shape=write_shape(len(course.data) // 2, course.word, 2, is_early=course.is_early),
         expected=course.head + course.before,
         delay_ns=course.delay_ns,
         refused=frozenset({course.frame[position : position + 4]} if course.refused else ()),
@@ -182,7 +193,8 @@ def no_data_leaves_before_its_position_is_judged(course: Course, left: Left) -> 
         if not is_filling:
             came = max(each.so_far for each in left.cut.pieces if each.came_ns <= when_ns)
             for index in range(at, at + len(data)):
-                assert came >= (index + 1 if index < 7 else max(index + 1, position_ends))
+                needed = position_ends - (course.is_early and index == 7)
+                assert came >= (index + 1 if index < 7 else max(index + 1, needed))
                 if course.came[:came] == course.frame[:came]:
                     assert data[index - at] == left.rendered[index]
         at += len(data)

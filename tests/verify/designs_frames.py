@@ -7,6 +7,7 @@ from typing import Any, Final
 from gateway.compensation.settings import ThermalSettings
 from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.plan import AxisPlan, ControllerPlan, CrossPlan, Late, Reference, Role
+from gateway.modbus.registers import WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND
 from tests.exchange.staged_bench import BITS, DEEDS, RUN, RUN_RELATIVE, TRIGGER
 from tests.verify.designs_rules import ask
@@ -32,6 +33,8 @@ WITH_MONITOR: Final = (
 )
 SERIAL: Final = (ControllerPlan("cnc", timeout_ms=float(TICK_MS), serial=True),)
 TWO_SERIAL: Final = (*SERIAL, ControllerPlan("plc", timeout_ms=float(TICK_MS), serial=True))
+HIGH_FIRST: Final = replace(COMMAND, order=WordOrder.HIGH_FIRST)
+ACTUAL_HIGH_FIRST: Final = replace(ACTUAL, order=WordOrder.HIGH_FIRST)
 STEP_OF_5: Final = replace(COMMAND, scale=5.0)
 STEP_OF_2: Final = replace(ACTUAL, scale=2.0)
 STEP_OF_10: Final = replace(ACTUAL, scale=10.0)
@@ -365,6 +368,40 @@ def _comes_back(name: str, *before: Happening) -> tuple[Happening, ...]:
     )
 
 
+def _early(small: Make, plan: Plan) -> tuple[Design, ...]:
+    """Positions whose first byte may leave before they are whole: the highest word comes first."""
+    high_first = plan(command=(HIGH_FIRST,), actual=(ACTUAL_HIGH_FIRST,))
+    both: dict[str, Any] = {"menu": ("to", "read"), "targets": (9007,), **CUT_UP}
+    to = {"ways": (_leaves("to", *SEEN_THERE),)}
+    back = {"ways": (_comes_back("to", *SEEN_THERE), _comes_back("read", *SEEN_THERE))}
+    return (
+        small(
+            "b-rtu-cut-early",
+            "the first byte of a target leaves before the last one has come: another table meanwhile",
+            high_first,
+            **both | to | {"happenings": ("arrive", "wait", "half", "table", "switch")},
+        ),
+        small(
+            "b-rtu-cut-early-ends",
+            "the same: bad check sums, silence in the middle, bytes of the drives",
+            high_first,
+            **both | to | {"happenings": ("arrive", "wait", "half", "tail_bad", "noise")},
+        ),
+        small(
+            "b-rtu-cut-early-turns",
+            "the same: a target on the other side of the one before, or below 0, where nothing is corrected",
+            high_first,
+            **both | {"happenings": ("arrive", "wait", "half"), "targets": (9007, -3), "ways": (REFUSED,)},
+        ),
+        small(
+            "b-rtu-cut-early-back",
+            "the same of a position that is read: another table meanwhile",
+            high_first,
+            **both | back | {"happenings": ("arrive", "wait", "split", "table", "switch")},
+        ),
+    )
+
+
 def _replies_cut_through(small: Make, small_staged: Make) -> tuple[Design, ...]:
     """Replies that leave while they arrive, and what may come between."""
     both: dict[str, Any] = {
@@ -519,6 +556,7 @@ def _cut_through(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> t
             },
         ),
         *_replies_cut_through(small, small_staged),
+        *_early(small, plan),
     )
 
 

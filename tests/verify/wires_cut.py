@@ -26,12 +26,12 @@ from gateway.exchange.cut_through.delay import (
 from gateway.exchange.cut_through.forward import Forwarding, RequestWay
 from gateway.exchange.cut_through.forward import Wire as LineWire
 from gateway.exchange.cut_through.frame import Cut, CutEvent
+from gateway.exchange.cut_through.replies import Passed
 from gateway.exchange.events import Event
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.transaction import Phase
 from gateway.modbus.crc import INTACT, INVERTED, SEAM, residue_after
 from gateway.modbus.pdu import EXCEPTION_BIT
-from gateway.modbus.rtu import encode_rtu
 from tests.verify import rules
 from tests.verify.errors import BrokenRuleError
 from tests.verify.snapshot import Lens, on_its_way
@@ -72,15 +72,19 @@ def forget_measured(way: RequestWay) -> None:
     """What requests begin like, and what is answered, stays; how they come and what they gain is known.
 
     Ports learn from a frame when the next one begins, which is after this. Of what is answered only the data
-    fill up, and no more than their length counts.
+    fill up, and no more than their length counts, and that they begin with 00. The next position is expected
+    near the one before: where it begins otherwise its first byte waits.
     """
     way.forwarder._came = None
     heads, replies = way.heads, way.replies
     heads._gains.clear()
     heads._stored.clear()
     replies._stored.clear()
-    for key, passed in replies._passed.items():
-        replies._passed[key] = passed[:2] + bytes(len(passed) - 2)
+    for key, (frame, _) in replies._passed.items():
+        replies._passed[key] = Passed(frame[:3] + bytes(len(frame) - 3), reach=0)
+    for beginning, expected in heads._expected.items():
+        if expected is not None:
+            heads._expected[beginning] = expected._replace(reach=0)
 
 
 def request_length_of(frame: bytes) -> int:
@@ -177,11 +181,15 @@ class CutSide(RtuSide):
         way = self._ways.get(port)
         if way is None:
             way = self._ways[port] = forwarding._ways[port]
-            way.heads.delays.measured |= steady(read_shape(), write_shape(2, 0, 2))
+            write, position = write_shape(2, 0, 2, is_early=True), reply_shape(2, [(0, 2)], [0])
+            assert write.late is not None
+            assert position.late is not None
+            way.heads.delays.measured |= steady(read_shape(), write, write.late)
             way.replies.delays.measured |= steady(
-                acknowledgement_shape(), reply_shape(1), reply_shape(2, [(0, 2)])
+                acknowledgement_shape(), reply_shape(1), position, position.late
             )
         way.heads._expected.clear()
+        way.heads._pages.clear()
         way.replies._passed.clear()
         way.forwarder.drop()
         forwarding._ways[port] = way
@@ -476,9 +484,14 @@ class CutWorld(RtuWorld):
             return
         super()._call(name, *args)
 
+    @property
+    def _missing(self) -> int:
+        """How many bytes of a position need not have come for its first one to leave."""
+        return self._cut_side.is_high_first
+
     def _half_bytes(self) -> bytes:
         name, axis, number, _ = self.state.half
-        return encode_rtu(self.design.plans[axis].unit_id, self.pdu(name, number))
+        return self._cut_side.encode(self.design.plans[axis].unit_id, self.pdu(name, number))
 
     def _end_half(self) -> bytes:
         """Return the rest of what has begun to come; it comes now."""
@@ -491,9 +504,9 @@ class CutWorld(RtuWorld):
         super()._on_half(port, name, axis, number)
 
     def _on_more(self) -> None:
-        """More bytes come: of a write those of its position."""
+        """More bytes come: of a write those of its position, but the last one where that decides less."""
         data = self._half_bytes()
-        come = min(DATA, len(data) - 1)
+        come = min(DATA - self._missing, len(data) - 1)
         piece = data[self.state.come : come]
         self.state = self.state._replace(come=come)
         self._cut_side.feed(0, piece, self.now_ns)
@@ -621,7 +634,7 @@ class CutWorld(RtuWorld):
     def _reply_to_come(self) -> bytes:
         """Return the rest of the reply of which a part has come."""
         assert self.state.split
-        return encode_rtu(*self.state.split)[self.state.reply_come :]
+        return self._cut_side.encode(*self.state.split)[self.state.reply_come :]
 
     def _on_split(self, what: str = "ack") -> None:
         """The drive obeys, or refuses, and the first bytes of its reply come."""
@@ -637,12 +650,12 @@ class CutWorld(RtuWorld):
         self.state = self.state._replace(
             wire=wire._replace(is_obeyed=True), split=(wire.unit_id, reply), reply_come=CUT
         )
-        self._cut_side.hear(encode_rtu(wire.unit_id, reply)[:CUT], self.now_ns)
+        self._cut_side.hear(self._cut_side.encode(wire.unit_id, reply)[:CUT], self.now_ns)
         self._collect()
 
     def _on_reply_more(self) -> None:
-        """All of it comes but its check sum."""
-        rest = self._reply_to_come()[:-2]
+        """All of it comes but its check sum, and the last byte before it where that decides less."""
+        rest = self._reply_to_come()[: -2 - self._missing]
         self.state = self.state._replace(reply_come=self.state.reply_come + len(rest))
         self._cut_side.hear(rest, self.now_ns)
         self._collect()

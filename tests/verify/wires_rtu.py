@@ -51,10 +51,28 @@ CUT: Final = 4
 class WirePipe(Pipe):
     """One end of a serial line, which takes apart what is written to it."""
 
+    is_high_first = False
+    """Whether the highest word of a position comes first on it."""
+
     def write(self, data: bytes) -> None:
         """See ``Channel``."""
         assert is_intact(data), data.hex(" ")
-        self._take(NUMBERLESS, data[0], data[1:-2])
+        self._take(NUMBERLESS, data[0], on_the_wire(data[1:-2], is_high_first=self.is_high_first))
+
+
+def on_the_wire(pdu: bytes, *, is_high_first: bool) -> bytes:
+    """Return a PDU as it is on a wire where the highest word of a position comes first, and back.
+
+    The worlds have the lowest word first.
+
+    >>> on_the_wire(bytes.fromhex("10 06 06 00 02 04 23 2F 00 01"), is_high_first=True).hex(" ")
+    '10 06 06 00 02 04 00 01 23 2f'
+    """
+    if is_high_first and pdu[0] == 0x10 and len(pdu) == 10:
+        return pdu[:6] + pdu[8:] + pdu[6:8]
+    if is_high_first and pdu[0] == 0x03 and len(pdu) == 6:
+        return pdu[:2] + pdu[4:] + pdu[2:4]
+    return pdu
 
 
 class RtuSide(BytesSide):
@@ -68,6 +86,7 @@ class RtuSide(BytesSide):
     """Of the controllers, where frames are cut through."""
 
     def __init__(self, design: Design, tell: Callable[[Event], None]) -> None:
+        self.is_high_first = design.plans[0].command[0].is_high_first_pair
         with timers_at_rest():
             other = ODD if "odd" in design.happenings else NO_OTHER_UNITS
             real = RtuDriveLink(0, RtuReplyDecoder(odd_units=other.odd))
@@ -81,9 +100,16 @@ class RtuSide(BytesSide):
             for plan in design.controllers
         ]
         self.make_pipes(self.port_pipe_kind)
+        for pipe in (*self.pipes, self.link.pipe):
+            assert isinstance(pipe, WirePipe)
+            pipe.is_high_first = self.is_high_first
         for number in range(len(self.ports)):
             self.open_port(number, 0)
         self.lens = Lens(self.roots(), TICK_NS, design.horizon_ticks, has_record=design.has_record)
+
+    def encode(self, unit_id: int, pdu: bytes) -> bytes:
+        """Return the frame of a PDU as it is on the wires of this side."""
+        return encode_rtu(unit_id, on_the_wire(pdu, is_high_first=self.is_high_first))
 
     def line_of(self, design: Design, tell: Callable[[Event], None]) -> TimedLine:
         """Return the line."""
@@ -125,11 +151,11 @@ class RtuSide(BytesSide):
 
     def request(self, port: int, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """See ``Side``."""
-        self.feed(port, encode_rtu(unit_id, pdu), now_ns)
+        self.feed(port, self.encode(unit_id, pdu), now_ns)
 
     def reply(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """See ``Side``."""
-        self.hear(encode_rtu(unit_id, pdu), now_ns)
+        self.hear(self.encode(unit_id, pdu), now_ns)
 
     def stray(self, unit_id: int, pdu: bytes, now_ns: int) -> None:
         """See ``Side``."""
@@ -178,7 +204,7 @@ class RtuWorld(BytesWorld):
 
     def _on_spoil(self, port: int, name: str, axis: int, number: int = 0) -> None:
         """A request comes with a bad check sum: its controller gives it up, and nothing of it counts."""
-        data = encode_rtu(self.design.plans[axis].unit_id, self.pdu(name, number))
+        data = self._wire_side.encode(self.design.plans[axis].unit_id, self.pdu(name, number))
         self._give_up(port)
         self._wire_side.feed(port, data[:-1] + bytes((data[-1] ^ 0x5A,)), self.now_ns)
         self._wire_side.fall_silent(self.now_ns)
@@ -198,7 +224,7 @@ class RtuWorld(BytesWorld):
     def _on_half(self, port: int, name: str, axis: int, number: int = 0) -> None:
         """The first bytes of a request come; it is its controller's newest one when it is whole."""
         self.state = self.state._replace(half=(name, axis, number, 0))
-        data = encode_rtu(self.design.plans[axis].unit_id, self.pdu(name, number))
+        data = self._wire_side.encode(self.design.plans[axis].unit_id, self.pdu(name, number))
         self._wire_side.feed(port, data[:CUT], self.now_ns)
         self._collect()
 
@@ -208,7 +234,7 @@ class RtuWorld(BytesWorld):
         self.state = self.state._replace(half=())
         self._give_up(0)
         if ticks:
-            data = encode_rtu(self.design.plans[axis].unit_id, self.pdu(name, number))
+            data = self._wire_side.encode(self.design.plans[axis].unit_id, self.pdu(name, number))
         else:
             _, data = self._register_rtu(name, axis, number)
         self._wire_side.feed(0, data[CUT:], self.now_ns)
@@ -218,7 +244,7 @@ class RtuWorld(BytesWorld):
 
     def _register_rtu(self, name: str, axis: int, number: int = 0) -> tuple[int, bytes]:
         transaction_id, _ = self._register(name, axis, number)
-        return transaction_id, encode_rtu(self.design.plans[axis].unit_id, self.pdu(name, number))
+        return transaction_id, self._wire_side.encode(self.design.plans[axis].unit_id, self.pdu(name, number))
 
     def _on_pair(self, one: Happening, other: Happening) -> None:
         """Two requests come in one read: with the second one its controller gives the first one up (W5)."""
@@ -234,7 +260,7 @@ class RtuWorld(BytesWorld):
         assert wire is not None
         if what == "spoil":  # it obeys, and its reply has a bad check sum
             self.state = self.state._replace(wire=wire._replace(is_obeyed=True))
-            data = encode_rtu(wire.unit_id, self._obey(wire))
+            data = self._wire_side.encode(wire.unit_id, self._obey(wire))
             self._wire_side.hear(data[:-1] + bytes((data[-1] ^ 0x5A,)), self.now_ns)
             self._collect()
             return
@@ -248,7 +274,7 @@ class RtuWorld(BytesWorld):
         """The drive acknowledges, with more bytes in the same read."""
         self.state = self.state._replace(wire=None, is_misled=False)
         reply = self._obey(wire)
-        self._wire_side.hear(bytes_of(encode_rtu(wire.unit_id, reply)), self.now_ns)
+        self._wire_side.hear(bytes_of(self._wire_side.encode(wire.unit_id, reply)), self.now_ns)
         self._collect(answered=wire, reply=reply)
         if wire.aim is not None:
             self._on_wait()
@@ -266,7 +292,7 @@ class RtuWorld(BytesWorld):
         wire, late = self.state.wire, self.state.late
         assert wire is not None
         assert late is not None
-        before = encode_rtu(late.unit_id, self.reply_to(late))
+        before = self._wire_side.encode(late.unit_id, self.reply_to(late))
         self.state = self.state._replace(late=None)
         self._answer_with(wire, lambda frame: before + frame)
 
@@ -276,7 +302,7 @@ class RtuWorld(BytesWorld):
         assert wire is not None
         reply = self._obey(wire)
         self.state = self.state._replace(wire=wire._replace(is_obeyed=True), split=(wire.unit_id, reply))
-        self._wire_side.hear(encode_rtu(wire.unit_id, reply)[:CUT], self.now_ns)
+        self._wire_side.hear(self._wire_side.encode(wire.unit_id, reply)[:CUT], self.now_ns)
         self._collect()
 
     def _on_reply_tail(self) -> None:
@@ -289,7 +315,7 @@ class RtuWorld(BytesWorld):
         if is_whole:
             self.state = self.state._replace(wire=None)
         self.state = self.state._replace(is_cut_off=False)
-        self._wire_side.hear(encode_rtu(unit_id, reply)[CUT:], self.now_ns)
+        self._wire_side.hear(self._wire_side.encode(unit_id, reply)[CUT:], self.now_ns)
         if not is_whole:
             self._collect()
             return

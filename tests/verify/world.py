@@ -1587,7 +1587,7 @@ def _registers(axis: Axis, plan: AxisPlan, address: int, quantity: int) -> bytes
         (plan.commanded[0] if plan.commanded else COMMANDED, axis.commanded_counts),
         (LIMIT, axis.limit_counts),
     ):
-        data = place.pack(round(counts / place.scale))
+        data = COMMAND.pack(round(counts / place.scale))
         words[place.address], words[place.address + 1] = data[:2], data[2:]
     is_moving = axis.goes_counts is not None
     words[MODE] = axis.mode.to_bytes(2, "big")

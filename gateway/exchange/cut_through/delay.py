@@ -9,22 +9,26 @@ keep their baud rates exactly. What adapters, drivers and this process add, nobo
 :class:`MeasuredDelay` learns it from the frames that came.
 
 Counted in characters of wires that are both equally fast a write of one position of two registers leaves four
-characters after it began to arrive: its last position byte is the eleventh to come and the eighth to leave.
+characters after it began to arrive: the last byte of its position is the eleventh to come, and the first one
+the eighth to leave. Where the first three bytes decide that one (``Gate.is_early``), it leaves three after.
 Its acknowledgement leaves two later, for the check sum has to have come before its own leaves; so do a read
 without positions, and its reply three. A gateway that stores adds all 13 + 8 characters of both.
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from gateway.modbus.crc import ends_a_frame, residue_after
 from gateway.modbus.lengths import ADU_OVERHEAD, MIN_ADU
 from gateway.modbus.rtu_arrival import BLOCK_HEAD, REGISTERS_HEAD
 
 CRC_BYTES: Final = 2
 FUNCTION_KNOWN: Final = 2
 """Bytes of a frame that say who is meant and what is done."""
+PAGE_KNOWN: Final = 3
+"""Bytes of a request that also say in which 256 registers the first one is."""
 ADDRESS_KNOWN: Final = MIN_ADU
 """Bytes of a request that also say at which register."""
 COUNT_KNOWN: Final = 3
@@ -39,6 +43,15 @@ class Gate(NamedTuple):
     needs: int
     is_judged: bool = False
     """A position ends there: what leaves in the place of the bytes between is somebody's judgement."""
+    is_early: bool = False
+    """Byte ``first``, of a position of four bytes whose highest one comes first, leaves already when all but
+    the last one have come: where these decide it."""
+
+    def needs_of(self, index: int) -> int:
+        """Return how many bytes this gate wants to have come before byte ``index`` leaves."""
+        if index < self.first:
+            return 0
+        return self.needs - 1 if self.is_early and index == self.first else self.needs
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,39 +63,102 @@ class Shape:
 
     length: int
     gates: tuple[Gate, ...]
+    late: "Shape | None" = None
+    """What the frame is where none of its bytes leaves sooner than is always safe; None: what it is here."""
 
     def needs(self, index: int) -> int:
         """Return how many bytes have to have come before byte ``index``, counted from 0, may leave.
 
         >>> [write_shape(2, 0, 2).needs(index) for index in range(13)]
         [4, 4, 4, 4, 5, 6, 7, 11, 11, 11, 11, 13, 13]
+        >>> [write_shape(2, 0, 2, is_early=True).needs(index) for index in range(13)]
+        [3, 3, 3, 4, 5, 6, 7, 10, 11, 11, 11, 13, 13]
         """
         if index >= self.length - CRC_BYTES:
             return self.length
-        return max([index + 1] + [gate.needs for gate in self.gates if gate.first <= index])
+        return max([index + 1] + [gate.needs_of(index) for gate in self.gates])
 
     def leaves(self, come: int) -> int:
         """Return how many of its bytes may have left when ``come`` have come, without its check sum.
 
         >>> [write_shape(2, 0, 2).leaves(come) for come in range(14)]
         [0, 0, 0, 0, 4, 5, 6, 7, 7, 7, 7, 11, 11, 11]
+        >>> [write_shape(2, 0, 2, is_early=True).leaves(come) for come in range(14)]
+        [0, 0, 0, 3, 4, 5, 6, 7, 7, 7, 8, 11, 11, 11]
         """
         most = min(come, self.length - CRC_BYTES)
         for gate in self.gates:
-            if come < gate.needs and gate.first < most:
-                most = gate.first
+            if come < gate.needs:
+                most = min(most, gate.first + (gate.is_early and come == gate.needs - 1))
         return most
 
+    def reach(self, before: bytes, now: bytes, reach: int) -> int:
+        """Return how far from ``now`` the positions of the next frame may be expected: :meth:`stays`.
 
-def write_shape(words: int, first_word: int, position_words: int) -> Shape:
+        Twice as far as the last step, and a little farther; a longer one before is forgotten slowly.
+
+        Args:
+            before: the frame before, without check sum; empty: there was none.
+            now: the newest one.
+            reach: what was returned for ``before``.
+        """
+        if not before:
+            return FAR_COUNTS
+        longest = 0
+        for gate in self.gates:
+            if gate.is_early:
+                step = abs(_position(gate, now) - _position(gate, before))
+                longest = max(longest, min(step, COUNTS - step))
+        remembered = 0 if reach == FAR_COUNTS else reach - reach // FORGOTTEN
+        return max(2 * longest + NEAR_COUNTS, remembered)
+
+    def stays(self, frame: bytes, reach: int) -> bool:
+        """Whether the first byte of each position may be expected to stay what it was in ``frame``.
+
+        Nothing but whether it pays hangs on that: where it does not stay, a frame is spoilt.
+        """
+        if ends_a_frame(residue_after(frame[: self.needs(0)])):
+            return False  # no piece ends there
+        for gate in self.gates:
+            if gate.is_early:
+                position = _position(gate, frame)
+                if (position - reach) >> 24 != (position + reach) >> 24:
+                    return False
+                if ends_a_frame(residue_after(frame[: gate.first + 1])):
+                    return False
+        return True
+
+
+COUNTS: Final = 1 << 32
+"""So many numbers a position has whose first byte may leave before it is whole."""
+FAR_COUNTS: Final = COUNTS
+"""The next position may be anywhere."""
+NEAR_COUNTS: Final = 4 << 8
+"""So far the next position may be from one that did not move: four times what its last byte leaves open."""
+FORGOTTEN: Final = 16
+"""So large a part of an older reach is taken off with each frame."""
+
+
+def _position(gate: Gate, frame: bytes) -> int:
+    return int.from_bytes(frame[gate.first : gate.needs], "big")
+
+
+def write_shape(words: int, first_word: int, position_words: int, *, is_early: bool = False) -> Shape:
     """Return the shape of a write of ``words`` registers that hold a position from ``first_word`` on.
 
     It begins to leave when it is known where it writes, its data when the position is whole: until then it
     may have to be refused.
+
+    ``is_early``: the position stands first and has four bytes, the highest first, and nothing else that moves
+    or stops is written at an address with the same first byte. So it begins to leave with that byte.
     """
     data_ends = BLOCK_HEAD + 2 * (first_word + position_words)
-    gates = Gate(0, ADDRESS_KNOWN), Gate(BLOCK_HEAD, data_ends, is_judged=True)
-    return Shape(BLOCK_HEAD + 2 * words + CRC_BYTES, gates)
+    length = BLOCK_HEAD + 2 * words + CRC_BYTES
+    late = Shape(length, (Gate(0, ADDRESS_KNOWN), Gate(BLOCK_HEAD, data_ends, is_judged=True)))
+    if not is_early:
+        return late
+    data = Gate(BLOCK_HEAD, data_ends, is_judged=True, is_early=True)
+    return Shape(length, (Gate(0, PAGE_KNOWN), data), late)
 
 
 def read_shape() -> Shape:
@@ -95,16 +171,20 @@ def acknowledgement_shape() -> Shape:
     return Shape(READ_BYTES, (Gate(0, FUNCTION_KNOWN),))
 
 
-def reply_shape(words: int, positions: Sequence[tuple[int, int]] = ()) -> Shape:
+def reply_shape(words: int, positions: Sequence[tuple[int, int]] = (), early: Collection[int] = ()) -> Shape:
     """Return the shape of the reply to a read of ``words`` registers.
 
-    ``positions``: the first register of each and how many it has, in their order.
+    ``positions``: the first register of each and how many it has, in their order. ``early``: the first
+    registers of those that have four bytes, the highest first.
     """
-    gates = [Gate(0, COUNT_KNOWN)]
-    for first, count in positions:
-        data_ends = COUNT_KNOWN + 2 * (first + count)
-        gates.append(Gate(COUNT_KNOWN + 2 * first, data_ends, is_judged=True))
-    return Shape(ADU_OVERHEAD + FUNCTION_KNOWN + 2 * words, tuple(gates))
+    length = ADU_OVERHEAD + FUNCTION_KNOWN + 2 * words
+    gates, late = [Gate(0, COUNT_KNOWN)], [Gate(0, COUNT_KNOWN)]
+    for word, count in positions:
+        first, data_ends = COUNT_KNOWN + 2 * word, COUNT_KNOWN + 2 * (word + count)
+        late.append(Gate(first, data_ends, is_judged=True))
+        gates.append(late[-1]._replace(is_early=word in early))
+    shape = Shape(length, tuple(late))
+    return Shape(length, tuple(gates), shape) if early else shape
 
 
 def delay_ns(shape: Shape, in_ns: int, out_ns: int) -> int:

@@ -221,6 +221,8 @@ class Forwarding:
 
     def learn(self, way: "Way", controller: str, delays: Delays, shape: Shape, frame: CutThrough) -> None:
         """Learn from how a frame came, whatever became of it; tell once where such frames gain nothing."""
+        if shape.late is not None:
+            delays.measure(shape.late, frame.pieces, way.own_ns, frame.written_need_ns)
         delay = delays.measure(shape, frame.pieces, way.own_ns, frame.written_need_ns)
         if delay.no_gain is None or (controller, way.what) in self._told:
             return
@@ -472,6 +474,7 @@ class RequestWay(Way):
     def learn(self, frame: CutThrough) -> None:
         """See ``Way``."""
         data = frame.arrival.data
+        self.heads.saw(data)
         shape = shape_of(self.forwarding.units.path_of(data[0], data[1:-CRC_BYTES]), data)
         if shape is not None:
             self.forwarding.learn(self, self.port.name, self.heads.delays, shape, frame)

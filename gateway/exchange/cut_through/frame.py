@@ -9,6 +9,10 @@ of :class:`Cut`, and goes from one to the next only as :data:`CUT_AFTER` says. T
 2. *Head.* Bytes of the head leave as they come. When it is whole it has to be what was expected (``fits``).
 3. *Data.* No byte of a position, and none behind it, leaves before the position is whole and judged
    (``rendered``); all of it leaves as it was rendered.
+   *First byte.* Where a gate says so (``Gate.is_early``), the first byte of a position leaves as soon as all
+   but the last one have come: if it is that of the filler, and the position is rendered with it whatever the
+   last byte is (``begins_with``). Else it waits. Where the whole position is rendered with another one then,
+   for something has happened since, the frame is spoilt.
 4. *Check sum.* Both of its bytes leave together, after the incoming one was good and the judge has agreed to
    exactly the bytes that left (``commits``), whatever has happened since it judged them. W3: no other frame
    ever ends with a good check sum.
@@ -39,7 +43,7 @@ from typing import Final, NamedTuple
 
 from gateway.compiled import mypyc_attr
 from gateway.exchange.axis.impossible import IGNORED, sentence_of
-from gateway.exchange.cut_through.delay import CRC_BYTES, Piece, Shape
+from gateway.exchange.cut_through.delay import CRC_BYTES, Delays, Piece, Shape
 from gateway.modbus.crc import INTACT, SEAM, ends_a_frame, inverted_crc, residue_after
 from gateway.modbus.lengths import MIN_ADU
 from gateway.modbus.rtu_arrival import Known, RequestArrival
@@ -182,6 +186,18 @@ NOT_EXPECTED: Final = Opening(Shape(0, ()), 0, b"")
 """What a frame is expected to be of which nobody knows yet."""
 
 
+def opening_of(shape: Shape, delays: Delays, filler: bytes, *, is_early: bool) -> Opening | None:
+    """Return how a frame of this shape begins to leave; None: it is stored.
+
+    ``is_early``: its first bytes may be expected to stay what they are; else it is late, if it has to be.
+    """
+    for each in (shape if is_early else None, shape.late or shape):
+        delay_ns = None if each is None else delays.of(each)
+        if each is not None and delay_ns is not None:
+            return Opening(each, delay_ns, filler)
+    return None
+
+
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Judge:
     """What a frame on its way through asks of the exchange. Nothing but ``commits`` changes anything."""
@@ -202,6 +218,13 @@ class Judge:
         """Return what leaves in the place of the bytes ``first`` to ``end``, all of which have come.
 
         It has as many bytes. None: they may not leave, or nobody knows without looking closer.
+        """
+        raise NotImplementedError
+
+    def begins_with(self, byte: int, begun: bytes, first: int, now_ns: int) -> bool:
+        """Whether a position of which all but the last byte have come is rendered with this first byte.
+
+        Whatever the last byte is. It begins at the byte ``first``, and ``begun`` ends with what came of it.
         """
         raise NotImplementedError
 
@@ -275,6 +298,7 @@ class CutThrough:
         "_out",
         "_pace",
         "_rendered",
+        "_sure",
         "_told",
         "arrival",
         "began_ns",
@@ -319,6 +343,8 @@ class CutThrough:
         """What may leave in the place of what came, as far as that is known."""
         self._rendered = 0
         """Positions that were judged."""
+        self._sure = b""
+        """The first byte of the next one, if it leaves before that is whole."""
         self._told = 0
         """Those of them that were told of."""
         self._last_came_ns = 0
@@ -433,8 +459,9 @@ class CutThrough:
         if self.state is Cut.LEAVING:
             if known is Known.ODD:
                 return self.go_on(CutEvent.UNFIT, now_ns)
-            if not self._judge_positions(now_ns):
-                return self.go_on(CutEvent.REFUSED, now_ns)
+            why_not = self._judge_positions(now_ns)
+            if why_not is not None:
+                return self.go_on(why_not, now_ns)
             while self._told < self._rendered:
                 self._told += 1
                 filling = self.go_on(CutEvent.JUDGED, now_ns)
@@ -460,7 +487,7 @@ class CutThrough:
             return False
         # What is known by now to be another one, or to be refused, need not be spoilt: nothing has left.
         is_head_known = self.arrival.known is not Known.BEGUN
-        if is_head_known and not (self._is_expected() and self._judge_positions(now_ns)):
+        if is_head_known and not (self._is_expected() and self._judge_positions(now_ns) is None):
             self.go_on(CutEvent.KEPT, now_ns)
             return False
         self.go_on(CutEvent.OPENED, now_ns)
@@ -470,24 +497,36 @@ class CutThrough:
         arrival, opening = self.arrival, self._opening
         return arrival.length == opening.shape.length and self.judge.fits(opening, arrival.data)
 
-    def _judge_positions(self, now_ns: int) -> bool:
-        """Have the positions judged that have come; return whether all of them may leave."""
+    def _judge_positions(self, now_ns: int) -> CutEvent | None:
+        """Have the positions judged that have come; return why one may not leave, None: all of them may."""
         come = self.arrival.data
         judged = [gate for gate in self._opening.shape.gates if gate.is_judged]
         for gate in judged[self._rendered :]:
             if len(come) < gate.needs:
+                if gate.is_early and len(come) == gate.needs - 1:
+                    byte = self._opening.filler[gate.first : gate.first + 1]
+                    if self.judge.begins_with(byte[0], come, gate.first, now_ns):
+                        self._sure = byte
                 break
             words = self.judge.rendered(come[: gate.needs], gate.first, gate.needs, now_ns)
             if words is None:
-                return False
+                return CutEvent.REFUSED
+            if not words.startswith(self._sure):
+                return CutEvent.CHANGED
             self._out += come[len(self._out) : gate.first] + words
             self._rendered += 1
-        return True
+            self._sure = b""
+        return None
 
     def _piece(self) -> bytes:
         """Return what may leave now of a frame of which not all has come."""
-        may = self._opening.shape.leaves(len(self.arrival.data))
-        out = self._out + self.arrival.data[len(self._out) : may]
+        come, shape = self.arrival.data, self._opening.shape
+        may = shape.leaves(len(come))
+        out = self._out + come[len(self._out) : may]
+        for gate in shape.gates:
+            if gate.is_early and len(come) == gate.needs - 1:
+                out = out[: gate.first] + self._sure
+                may = len(out)
         residues = [residue_after(self.left)]
         for index in range(len(self.left), may):
             residues.append(residue_after(out[index : index + 1], residues[-1]))

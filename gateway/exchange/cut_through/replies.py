@@ -9,17 +9,19 @@ leave (``ReplyArrival``); an acknowledgement of other registers than were writte
 have left, and passed on whole where none has.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.exchange.cut_through.delay import (
     COUNT_KNOWN,
+    CRC_BYTES,
+    FAR_COUNTS,
     FUNCTION_KNOWN,
     Delays,
     Shape,
     acknowledgement_shape,
     reply_shape,
 )
-from gateway.exchange.cut_through.frame import Judge, Opening
+from gateway.exchange.cut_through.frame import Judge, Opening, opening_of
 from gateway.exchange.fast_path import ReadPath, WritePath
 from gateway.exchange.transaction import Transaction
 
@@ -27,6 +29,18 @@ REMEMBERED_REPLIES: Final = 256
 STORED_FOR: Final = 256
 """So many replies of a shape are stored after one of them was spoilt: its controller had to ask again."""
 ACKNOWLEDGEMENT: Final = acknowledgement_shape()
+
+
+class Passed(NamedTuple):
+    """What a read was answered last."""
+
+    frame: bytes
+    """As its controller got it, without check sum."""
+    reach: int
+    """How far from it the positions of the next one may be expected (``Shape.reach``)."""
+
+
+NOT_PASSED: Final = Passed(b"", FAR_COUNTS)
 
 
 def reply_shape_of(transaction: Transaction) -> Shape | None:
@@ -37,13 +51,16 @@ def reply_shape_of(transaction: Transaction) -> Shape | None:
     if not isinstance(path, ReadPath):
         return None
     head, ended = FUNCTION_KNOWN, 0  # of the PDU of a reply: function and byte count
-    positions = []
-    for start, end in path.places:
+    positions, early = [], []
+    for which, (start, end) in enumerate(path.places):
         if start < ended:
             return None  # two positions share a register: what it leaves as is decided by both
-        positions.append(((start - head) // 2, (end - start) // 2))
+        first = (start - head) // 2
+        positions.append((first, (end - start) // 2))
+        if path.is_early(which):
+            early.append(first)
         ended = end
-    return reply_shape(path.quantity, positions)
+    return reply_shape(path.quantity, positions, early)
 
 
 class Replies:
@@ -54,16 +71,20 @@ class Replies:
     def __init__(self, delays: Delays) -> None:
         self.delays = delays
         """From the wire of the drives to the controller's."""
-        self._passed: dict[tuple[int, bytes], bytes] = {}
+        self._passed: dict[tuple[int, bytes], Passed] = {}
         self._stored: dict[Shape, int] = {}
         """How many more of a shape are stored."""
 
     def note(self, transaction: Transaction, passed: bytes) -> None:
         """Remember what a read was answered: the PDU as its controller got it."""
-        key = transaction.unit_id, transaction.pdu
+        key, shape = (transaction.unit_id, transaction.pdu), reply_shape_of(transaction)
         if len(self._passed) >= REMEMBERED_REPLIES and key not in self._passed:
             self._passed.clear()
-        self._passed[key] = passed
+        frame = bytes((transaction.unit_id,)) + passed
+        before = self._passed.get(key, NOT_PASSED)
+        is_whole = shape is not None and len(frame) == len(before.frame) == shape.length - CRC_BYTES
+        reach = shape.reach(before.frame, frame, before.reach) if shape and is_whole else FAR_COUNTS
+        self._passed[key] = Passed(frame, reach)
 
     def came(self, shape: Shape) -> None:
         """A reply of a shape came whole, whatever became of it."""
@@ -78,16 +99,16 @@ class Replies:
     def opening(self, transaction: Transaction) -> Opening | None:
         """Return what the reply to what is on the wire is expected to be; None: it is stored."""
         shape = reply_shape_of(transaction)
-        delay_ns = None if shape is None else self.delays.of(shape)
-        if shape is None or delay_ns is None or shape in self._stored:
+        if shape is None or shape in self._stored:
             return None
         path = transaction.path
         if isinstance(path, WritePath):
-            expected = path.echo
+            filler, reach = bytes((transaction.unit_id,)) + path.echo, 0
         else:
-            expected = self._passed.get((transaction.unit_id, transaction.pdu), b"")
-        filler = bytes((transaction.unit_id,)) + expected
-        return Opening(shape, delay_ns, filler) if len(filler) == shape.length - 2 else None
+            filler, reach = self._passed.get((transaction.unit_id, transaction.pdu), NOT_PASSED)
+        if len(filler) != shape.length - CRC_BYTES:
+            return None
+        return opening_of(shape, self.delays, filler, is_early=shape.stays(filler, reach))
 
 
 class ReplyJudge(Judge):
@@ -135,6 +156,12 @@ class ReplyJudge(Judge):
         words = path.turned(self.transaction, self._turned, begun[first:end])
         self._turned += 1
         return words
+
+    def begins_with(self, byte: int, begun: bytes, first: int, now_ns: int) -> bool:
+        """See ``Judge``."""
+        path = self.transaction.path
+        assert isinstance(path, ReadPath)
+        return path.begins_with(byte, self.transaction, self._turned, begun[first:])
 
     def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
         """See ``Judge``. The whole reply is taken note of, as one that was stored.

@@ -16,13 +16,15 @@ from typing import Final, NamedTuple
 from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through.delay import (
     ADDRESS_KNOWN,
+    FAR_COUNTS,
     FUNCTION_KNOWN,
+    PAGE_KNOWN,
     Delays,
     Shape,
     read_shape,
     write_shape,
 )
-from gateway.exchange.cut_through.frame import Judge, Opening, is_fit_head
+from gateway.exchange.cut_through.frame import Judge, Opening, is_fit_head, opening_of
 from gateway.exchange.dispatch import Units
 from gateway.exchange.fast_path import WritePath
 from gateway.exchange.ports import ControllerPort
@@ -48,6 +50,8 @@ class Expected(NamedTuple):
     shape: Shape
     sent: bytes
     """As it left, without its check sum."""
+    reach: int
+    """How far from it the next one may be expected (``Shape.reach``)."""
 
 
 def shape_of(path: FastPath | None, frame: bytes) -> Shape | None:
@@ -64,7 +68,8 @@ def shape_of(path: FastPath | None, frame: bytes) -> Shape | None:
         return None
     start, end = path.place
     data = BLOCK_HEAD - 1
-    return write_shape(frame[BLOCK_HEAD - 1] // 2, (start - data) // 2, (end - start) // 2)
+    words, first, count = frame[BLOCK_HEAD - 1] // 2, (start - data) // 2, (end - start) // 2
+    return write_shape(words, first, count, is_early=path.is_early)
 
 
 def beginning_of(begun: bytes) -> bytes:
@@ -79,15 +84,21 @@ def beginning_of(begun: bytes) -> bytes:
 
 
 class Heads:
-    """What requests of one port begin like, and how late each shape of them has to begin to leave."""
+    """What requests of one port begin like, and how late each shape of them has to begin to leave.
 
-    __slots__ = ("_expected", "_gains", "_stored", "delays")
+    A write is known by its whole address; by the first byte of it where all writes of the port that came with
+    this byte went to one address, and the register map has no other target there (``WritePath.is_early``).
+    """
+
+    __slots__ = ("_expected", "_gains", "_pages", "_stored", "delays")
 
     def __init__(self, delays: Delays) -> None:
         self.delays = delays
         """From the controller's wire to that of the drives."""
         self._expected: dict[bytes, Expected | None] = {}
         """None: of what begins so nobody knows how it goes on."""
+        self._pages: dict[bytes, bytes] = {}
+        """By the first three bytes of writes that came: how all of them began; empty: not alike."""
         self._gains: dict[bytes, deque[int]] = {}
         """Of the last requests that began so: how much sooner each was through, less than 0: later."""
         self._stored: dict[bytes, int] = {}
@@ -104,6 +115,7 @@ class Heads:
         is_new = beginning not in self._expected
         if is_new and len(self._expected) >= REMEMBERED_BEGINNINGS:
             self._expected.clear()
+            self._pages.clear()
             self._gains.clear()
             self._stored.clear()
         before = None if is_new else self._expected[beginning]
@@ -112,7 +124,22 @@ class Heads:
         head = sent[: REGISTERS_HEAD if shape is READ else BLOCK_HEAD]
         is_alike = is_new or shape is READ or (before is not None and before.sent[:BLOCK_HEAD] == head)
         is_expected = shape is not None and is_alike and is_fit_head(head)
-        self._expected[beginning] = Expected(shape, sent) if shape is not None and is_expected else None
+        self.saw(frame)
+        if shape is None or not is_expected:
+            self._expected[beginning] = None
+            return
+        reach = FAR_COUNTS if before is None else shape.reach(before.sent, sent, before.reach)
+        self._expected[beginning] = Expected(shape, sent, reach)
+
+    def saw(self, frame: bytes) -> None:
+        """A request came whole, whatever it is: by the first three bytes of a write it may be another one."""
+        beginning = beginning_of(frame)
+        if len(beginning) != ADDRESS_KNOWN:
+            return
+        page = beginning[:PAGE_KNOWN]
+        if len(self._pages) >= REMEMBERED_BEGINNINGS and page not in self._pages:
+            self._pages.clear()
+        self._pages[page] = beginning if self._pages.get(page, beginning) == beginning else b""
 
     def came(self, frame: bytes) -> None:
         """A request came whole, whatever became of it."""
@@ -136,13 +163,15 @@ class Heads:
             gains.clear()
 
     def opening(self, begun: bytes) -> Opening | None:
-        """Return what a request is expected to be that begins so; None: it is stored."""
-        beginning = beginning_of(begun)
+        """Return what a request is expected to be that begins so; None: it is stored, or more has to come."""
+        alone = self._pages.get(begun[:PAGE_KNOWN], b"")
+        beginning = beginning_of(begun) or alone
         expected = self._expected.get(beginning)
         if expected is None or beginning in self._stored:
             return None
-        delay_ns = self.delays.of(expected.shape)
-        return None if delay_ns is None else Opening(expected.shape, delay_ns, expected.sent)
+        is_early = alone == beginning and expected.shape.stays(expected.sent, expected.reach)
+        opening = opening_of(expected.shape, self.delays, expected.sent, is_early=is_early)
+        return None if opening is None or len(begun) < opening.shape.needs(0) else opening
 
 
 class RequestJudge(Judge):
@@ -193,7 +222,8 @@ class RequestJudge(Judge):
             return False
         whole = head + bytes(opening.shape.length - 2 - len(head))
         self.path = self._units.path_of(head[0], whole[1:])
-        return shape_of(self.path, head) == opening.shape
+        shape = shape_of(self.path, head)
+        return shape is not None and opening.shape in (shape, shape.late)
 
     def rendered(self, begun: bytes, first: int, end: int, now_ns: int) -> bytes | None:
         """See ``Judge``."""
@@ -205,6 +235,12 @@ class RequestJudge(Judge):
             return None
         self._target, self._judged_ns = target, now_ns
         return begun[first:start] + target.corrected_words + begun[stop:end]
+
+    def begins_with(self, byte: int, begun: bytes, first: int, now_ns: int) -> bool:
+        """See ``Judge``."""
+        path = self.path
+        assert isinstance(path, WritePath)
+        return path.begins_with(byte, self._port, begun[first:], now_ns)
 
     def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
         """See ``Judge``. A target is judged again, as if nothing but what has happened since were new."""

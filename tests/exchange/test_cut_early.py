@@ -1,0 +1,421 @@
+"""Positions whose first byte leaves before their last one has come: on real axes, at every border.
+
+The highest word comes first. Where the first three bytes of a position decide the first one, that byte leaves
+with the third. What leaves whole is what the line would have sent stored; what does not is no frame.
+"""
+
+from dataclasses import replace
+from random import Random
+from typing import Any
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.exchange import dispatch
+from gateway.exchange.commands import Disable
+from gateway.exchange.cut_through.delay import (
+    LEARNED_AFTER,
+    Delays,
+    Piece,
+    acknowledgement_shape,
+    read_shape,
+    reply_shape,
+    write_shape,
+)
+from gateway.exchange.cut_through.frame import Cut, CutEvent
+from gateway.exchange.cut_through.replies import reply_shape_of
+from gateway.exchange.cut_through.requests import Heads
+from gateway.exchange.fast_path import ReadPath, WritePath
+from gateway.exchange.plan import AxisPlan, writes_alone
+from gateway.modbus.crc import INVERTED, append_crc, residue_after
+from gateway.modbus.registers import PositionField, RegisterType, WordOrder
+from tests.exchange.cut_line_bench import CHAR_NS, Site, frame_of
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
+from tests.exchange.staged_bench import STOP_PDU, staged_plan
+from tests.exchange.test_cut_line import ends_spoilt
+from tests.exchange.test_cut_replies import Way as ReplyWay
+from tests.exchange.test_cut_requests import Way
+
+TARGET = replace(COMMAND, order=WordOrder.HIGH_FIRST)
+PLACE = replace(ACTUAL, order=WordOrder.HIGH_FIRST)
+STEEP = make_table([-50, 0, 50], [-0.03, 0.02, -0.03], [-0.05, 0.0, -0.05], Units.MM)
+"""Up to 30 counts less and 20 more, at 1000 counts for a mm."""
+EARLY = write_shape(2, 0, 2, is_early=True)
+BORDERS = (0, 1 << 8, 1 << 16, 1 << 24, -(1 << 24), -(1 << 8))
+
+
+def plan_at(border: int, **changes: Any) -> AxisPlan:
+    """An axis whose table has its middle at so many counts."""
+    return stream_plan(table=STEEP, command=(TARGET,), actual=(PLACE,), zero_counts=float(border), **changes)
+
+
+def units_of(bench: Bench) -> dispatch.Units:
+    return dispatch.Units(bench.line.axes, is_serial=True)
+
+
+def at_border(border: int, step: int = 40) -> Way:
+    """A stream that has come from 8 mm in front of a border or farther, and is 1 mm before it."""
+    way = Way(plan_at(border))
+    for shape in (EARLY, write_shape(2, 0, 2)):
+        pieces = [Piece(index * 1000, index + 1) for index in range(shape.length)]
+        for _ in range(LEARNED_AFTER):
+            way.heads.delays.measure(shape, pieces)
+    for counts in range(border - 1_000 - step * (7_000 // step + 4), border - 999, step):
+        way.store(write(TARGET, counts))
+        way.bench.now_ns += 10 * MS
+    return way
+
+
+@pytest.mark.parametrize("step", [7, 40, 255, 256, 1000])
+@pytest.mark.parametrize("border", BORDERS)
+def test_a_stream_over_a_border_leaves_as_the_line_would_have_sent_it(border: int, step: int) -> None:
+    way = at_border(border, step)
+    whole = early = 0
+    for counts in range(border - 1000 + step, border + 1100, step):
+        opening = way.heads.opening(b"\x01" + write(TARGET, 0)[:3])
+        assert opening is not None
+        cut = way.cut(frame_of(write(TARGET, counts)))
+        sent = way.store(write(TARGET, counts))
+        way.bench.now_ns += 10 * MS
+        assert cut.state is Cut.WHOLE, counts
+        assert cut.left == frame_of(sent)
+        whole += 1
+        early += opening.shape == EARLY
+    # Nearer to 0 and 2^24 than twice the step and 1024 counts they are late; at 2^16 none is.
+    if border == 1 << 16:
+        assert early == whole
+    elif border % (1 << 24) == 0 and step >= 40:
+        assert early == 0
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_targets_anywhere_leave_as_the_line_would_have_sent_them_or_as_no_frame(seed: int) -> None:
+    """Near to and far from the one before, at borders, of a stream that turns: whatever was expected."""
+    rng = Random(seed)
+    border = rng.choice(BORDERS)
+    way = at_border(border)
+    counts, outcomes = border - 1000, []
+    for _ in range(60):
+        jump = rng.choice((1, 40, 256, 5_000, -1, -300))
+        counts = border + rng.randint(-300, 300) if rng.random() < 0.3 else counts + jump
+        reach = rng.choice((0, 0, 1100))
+        for beginning, expected in way.heads._expected.items():
+            if expected is not None:
+                way.heads._expected[beginning] = expected._replace(reach=reach)
+        cut = way.cut(frame_of(write(TARGET, counts)))
+        way.bench.wait(0)
+        sent = way.store(write(TARGET, counts))
+        way.bench.now_ns += 10 * MS
+        outcomes.append(cut.state)
+        if cut.state is Cut.WHOLE:
+            assert cut.left == frame_of(sent)
+        elif cut.left:
+            assert (cut.state, len(cut.left), residue_after(cut.left)) == (Cut.SPOILT, 13, INVERTED)
+    assert Cut.WHOLE in outcomes
+
+
+def test_a_target_that_jumps_over_a_border_is_spoilt_and_never_sent_with_the_byte_of_before() -> None:
+    way = at_border(0)
+    way.store(write(TARGET, -990))
+    way.bench.now_ns += 10 * MS
+    for beginning, expected in way.heads._expected.items():
+        assert expected is not None
+        way.heads._expected[beginning] = expected._replace(reach=0)
+    last = way.bench.seen[-1]
+    cut = way.cut(frame_of(write(TARGET, 1_000)))  # 000003E8, and FFFFFC22 was the last one
+    assert (cut.state, way.events[-1]) == (Cut.SPOILT, CutEvent.STALLED)
+    assert cut.left[:8] == b"\x01" + last[:7]
+
+
+@pytest.mark.parametrize("after_bytes", [10, 11, 12])
+def test_a_table_that_goes_behind_the_first_byte_of_a_position_spoils_it(after_bytes: int) -> None:
+    way = at_border(1 << 16)
+    cut = way.cut(
+        frame_of(write(TARGET, (1 << 16) - 960)),
+        lambda: void(way.bench.line.command(Disable(axes=("x",)), way.bench.now_ns)),
+        after_bytes,
+    )
+    assert (cut.state, len(cut.left), residue_after(cut.left)) == (Cut.SPOILT, 13, INVERTED)
+    assert way.events[-1] is (CutEvent.REFUSED if after_bytes == 10 else CutEvent.CHANGED)
+
+
+def void(_anything: object) -> None:
+    pass
+
+
+# --- what is decided ----------------------------------------------------------------------------------------
+
+
+@given(
+    border=st.sampled_from(BORDERS),
+    near=st.integers(-40_000, 40_000),
+    scale=st.sampled_from((1.0, 2.0, -1.0, 0.5)),
+    counts_per_unit=st.sampled_from((1000.0, -1000.0)),
+)
+def test_what_is_said_to_be_decided_is_what_each_last_byte_gives(
+    border: int, near: int, scale: float, counts_per_unit: float
+) -> None:
+    field = replace(TARGET, scale=scale)
+    plan = stream_plan(table=STEEP, command=(field,), zero_counts=border * scale)
+    plan = replace(plan, settings=replace(plan.settings, counts_per_unit=counts_per_unit))
+    bench = Bench(plan)
+    start = border + near - 12_000
+    for raw in range(start, start + 12_001, 400):
+        bench.ask(write(TARGET, raw))
+        bench.now_ns += 10 * MS
+    path = units_of(bench).path_of(1, write(TARGET, 0))
+    assert isinstance(path, WritePath)
+    assume(path.is_ready(bench.port, bench.now_ns))
+    begun = TARGET.pack(border + near)[:3]
+    judged = [path.judged(bench.port, begun + bytes((last,)), bench.now_ns) for last in range(256)]
+    firsts = {target.corrected_words[0] for target in judged if target is not None}
+    for byte in range(256):
+        if path.begins_with(byte, bench.port, begun, bench.now_ns):
+            assert firsts <= {byte}
+    if len(firsts) == 2:
+        assert not any(path.begins_with(byte, bench.port, begun, bench.now_ns) for byte in range(256))
+
+
+@given(border=st.sampled_from(BORDERS), near=st.integers(-2_000, 2_000), place=st.integers(-2_000, 2_000))
+def test_what_is_said_to_be_read_is_what_each_last_byte_reads(border: int, near: int, place: int) -> None:
+    bench = Bench(plan_at(border))
+    for counts in range(border + near - 8_000, border + near + 1, 400):
+        bench.ask(write(TARGET, counts))
+        bench.now_ns += 10 * MS
+    bench.send(read(PLACE))
+    transaction = bench.line._transactions.current
+    assert transaction is not None
+    path = transaction.path
+    assert isinstance(path, ReadPath)
+    begun = PLACE.pack(border + place)[:3]
+    read_as = [path.turned(transaction, 0, begun + bytes((last,))) for last in range(256)]
+    firsts = {words[0] for words in read_as if words is not None}
+    for byte in firsts:
+        assert path.begins_with(byte, transaction, 0, begun) == (firsts == {byte})
+
+
+# --- what may begin with three bytes ------------------------------------------------------------------------
+
+
+def heads() -> tuple[Heads, Bench]:
+    """Return what is known of a port whose writes and their delays are known."""
+    found = Heads(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
+    for shape in (EARLY, write_shape(2, 0, 2)):
+        pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
+        for _ in range(LEARNED_AFTER):
+            found.delays.measure(shape, pieces)
+    return found, Bench(plan_at(0))
+
+
+def note(known: Heads, bench: Bench, counts: int, times: int = 2) -> bytes:
+    """Let a target be acknowledged so often; return its frame without check sum."""
+    pdu = write(TARGET, counts)
+    for _ in range(times):
+        known.note(units_of(bench).path_of(1, pdu), b"\x01" + pdu, b"\x01" + pdu)
+    return b"\x01" + pdu
+
+
+def test_a_write_begins_with_three_bytes_where_all_that_begin_so_went_to_one_address() -> None:
+    known, bench = heads()
+    frame = note(known, bench, 50_000)
+    opening = known.opening(frame[:3])
+    assert opening is not None
+    assert (opening.shape, opening.delay_ns, opening.filler) == (EARLY, 3 * CHAR_NS, frame)
+    assert known.opening(frame[:2]) is None
+    # A write to another address of the same 256 came, whatever it was: four bytes from now on.
+    known.saw(bytes.fromhex("01 10 06 10 00 01 02 00 07"))
+    assert known.opening(frame[:3]) is None
+    opening = known.opening(frame[:4])
+    assert opening is not None
+    assert (opening.shape, opening.delay_ns) == (write_shape(2, 0, 2), 4 * CHAR_NS)
+    note(known, bench, 50_040)
+    assert known.opening(frame[:3]) is None  # for good
+
+
+@pytest.mark.parametrize(
+    "other", ["01 10 07 06 00 01 02 00 07", "02 10 06 10 00 01 02 00 07", "01 03 06 06 00 02"]
+)
+def test_what_begins_otherwise_changes_nothing(other: str) -> None:
+    known, bench = heads()
+    frame = note(known, bench, 50_000)
+    known.saw(bytes.fromhex(other))
+    assert known.opening(frame[:3]) is not None
+
+
+@pytest.mark.parametrize("counts", [0, 1000, -1, (1 << 24) - 500, -(1 << 24)])
+def test_a_write_near_a_border_begins_with_four_bytes(counts: int) -> None:
+    known, bench = heads()
+    frame = note(known, bench, counts)
+    assert known.opening(frame[:3]) is None
+    opening = known.opening(frame[:4])
+    assert opening is not None
+    assert opening.shape == write_shape(2, 0, 2)
+
+
+def test_the_first_one_that_was_seen_says_nothing_of_the_next() -> None:
+    known, bench = heads()
+    frame = note(known, bench, 50_000, times=1)
+    opening = known.opening(frame[:4])
+    assert (known.opening(frame[:3]), opening is not None and opening.shape) == (None, write_shape(2, 0, 2))
+
+
+@pytest.mark.parametrize(
+    ("other", "is_alone"),
+    [
+        ({"command": (PositionField(0x0610, RegisterType.INT32),)}, False),
+        ({"command": (PositionField(0x0700, RegisterType.INT32, block=0x06FE),)}, False),
+        ({"limits": (PositionField(0x0620, RegisterType.INT32),)}, False),
+        ({"actual": (PositionField(0x0620, RegisterType.INT32),), "settable": frozenset({0})}, False),
+        ({"actual": (PositionField(0x0620, RegisterType.INT32),)}, True),  # nobody writes it
+        ({"command": (PositionField(0x0506, RegisterType.INT32),)}, True),
+    ],
+)
+def test_a_target_with_another_one_of_its_unit_beside_it_begins_with_four_bytes(
+    other: dict[str, Any], *, is_alone: bool
+) -> None:
+    plan = plan_at(0)
+    apart = {"command": (PositionField(0x0900, RegisterType.INT32),), "actual": ()}
+    beside = replace(plan, name="y", **(apart | other))
+    assert writes_alone([plan, beside], TARGET) is is_alone
+    path = units_of(Bench(plan, beside)).path_of(1, write(TARGET, 0))
+    assert path is None or (isinstance(path, WritePath) and path.is_early is is_alone)
+    low_first = units_of(Bench(stream_plan())).path_of(1, write(COMMAND, 0))
+    assert isinstance(low_first, WritePath)
+    assert not low_first.is_early
+
+
+# --- on a line --------------------------------------------------------------------------------------------
+
+
+def settled(*more: AxisPlan) -> Site:
+    """A line whose controller has written setpoints and read the place; the next ones may be cut through."""
+    line = Site(plan_at(0), *more)
+    for counts in range(2_000, 10_001, 160):
+        line.bench.ask(write(TARGET, counts))
+        line.bench.memory.put(PLACE, line.bench.memory.get(TARGET))
+        line.pass_to(line.bench.now_ns + 10 * MS)
+        line.bench.ask(read(PLACE))
+        line.pass_to(line.bench.now_ns + 10 * MS)
+    line.forget()
+    line.link.decoder.cancel()
+    line.measure(EARLY, write_shape(2, 0, 2), read_shape())
+    shape = reply_shape(2, [(0, 2)], [0])
+    assert shape.late is not None
+    line.measure(acknowledgement_shape(), shape, shape.late, of_replies=True)
+    return line
+
+
+NEXT = write(TARGET, 10_040)
+"""10 040 is 0000 2738; STEEP adds 10 there: 20 - 10.04 / 50 × 50 counts."""
+SENT = frame_of(NEXT[:6] + TARGET.pack(10_050))
+HEAD = [(3.325, "01 10 06"), (4.0, "06"), (5.0, "00"), (6.0, "02"), (7.0, "04")]
+
+
+def test_a_setpoint_and_the_place_that_is_read_leave_three_characters_behind_themselves() -> None:
+    line = settled()
+    began_ns = line.come(frame_of(NEXT))
+    assert line.to_drives(began_ns) == [
+        *HEAD,
+        (10.0, "00"),
+        (11.0, "00 27 42"),
+        (13.0, SENT[-2:].hex(" ")),
+    ]
+    line.pass_to(began_ns + 20 * MS)
+    line.reply(frame_of(NEXT[:5]))
+    line.pass_to(line.bench.now_ns + 10 * MS)
+    line.come(frame_of(read(PLACE)))
+    line.to_cnc(began_ns)
+    drive = bytes.fromhex("03 04") + PLACE.pack(10_050)
+    began_ns = line.reply(frame_of(drive))
+    told = frame_of(bytes.fromhex("03 04") + PLACE.pack(10_040))
+    assert line.to_cnc(began_ns) == [
+        (3.325, "01 03 04"),
+        (6.0, "00"),
+        (7.0, "00 27 38"),
+        (9.0, told[-2:].hex(" ")),
+    ]
+    assert (line.requests(), line.forwarding.underruns) == ({CutEvent.COMMITTED: 2}, 0)
+    assert line.replies()[CutEvent.COMMITTED] == 2
+
+
+def test_m3_a_stop_of_another_controller_between_the_first_byte_and_the_last_one() -> None:
+    line = settled(staged_plan(name="y", unit_id=2))
+    last = line.bench.memory.read(TARGET.address, 2)
+    began_ns = line.come(frame_of(NEXT)[:10])
+    line.pass_to(began_ns + 10_400_000)
+    line.hear(line.panel, frame_of(STOP_PDU, 2))
+    left = line.to_drives(began_ns)
+    assert [when for when, _ in left] == [3.325, 4.0, 5.0, 6.0, 7.0, 10.0, 10.4]
+    ends_spoilt(left)
+    assert bytes.fromhex(" ".join(data for _, data in left))[7:11] == last  # what the drive holds
+    line.come(frame_of(NEXT)[10:], since_ns=began_ns + 10 * MS)
+    line.pass_to(began_ns + 60 * MS)
+    # Thirteen bytes from 3.325 on, and three silences of 3.5: the stop, and nothing before it.
+    assert line.to_drives(began_ns)[0] == (26.825, frame_of(STOP_PDU, 2).hex(" "))
+
+
+def test_a_write_to_another_address_of_its_256_is_spoilt_once_and_then_all_are_known_by_four_bytes() -> None:
+    """A register beside the target that no map names: nobody knew of it before."""
+    line = settled()
+    speed = bytes.fromhex("10 06 20 00 02 04 00 00 00 07")
+    began_ns = line.come(frame_of(speed))
+    ends_spoilt(line.to_drives(began_ns))
+    line.pass_to(began_ns + 60 * MS)
+    assert [data for _, data in line.to_drives(began_ns)] == [frame_of(speed).hex(" ")]
+    line.answer(frame_of(speed[:5]))
+    line.pass_to(line.bench.now_ns + 20 * MS)
+    began_ns = line.come(frame_of(NEXT))
+    left = line.to_drives(began_ns)
+    assert left == [(4.325, "01 10 06 06"), *HEAD[2:], (11.0, "00 00 27 42"), (13.0, SENT[-2:].hex(" "))]
+    line.answer(frame_of(NEXT[:5]))
+    line.pass_to(line.bench.now_ns + 20 * MS)
+    began_ns = line.come(frame_of(speed))  # of what begins with its four bytes nothing is expected
+    assert line.to_drives(began_ns) == [(13.0, frame_of(speed).hex(" "))]
+    assert line.requests() == {CutEvent.UNFIT: 1, CutEvent.COMMITTED: 1}
+
+
+@pytest.mark.parametrize("border", [0, 1 << 24, 1 << 16])
+def test_readings_over_a_border_are_told_as_they_would_be_whole(border: int) -> None:
+    way = ReplyWay(plan_at(border))
+    for counts in range(border - 8_000, border - 99, 40):
+        way.bench.ask(write(TARGET, counts))
+        way.bench.now_ns += 10 * MS
+    states = []
+    for place in range(border - 3_000, border + 3_000, 37):
+        way.bench.memory.put(PLACE, place)
+        cut, passed = way.ask(read(PLACE))
+        states.append(cut.state)
+        if cut.state is Cut.WHOLE:
+            assert cut.left == append_crc(b"\x01" + passed)
+    assert set(states[2:]) == {Cut.WHOLE}  # the first one is stored, and none is spoilt
+
+
+def test_a_reading_that_jumps_over_a_border_is_spoilt() -> None:
+    way = ReplyWay(plan_at(0))
+    for counts in range(-8_000, -2_999, 40):
+        way.bench.ask(write(TARGET, counts))
+        way.bench.now_ns += 10 * MS
+    for place in (-3_100, -3_080, -3_060):
+        way.bench.memory.put(PLACE, place)
+        way.ask(read(PLACE))
+    way.bench.memory.put(PLACE, 3_000)
+    cut, passed = way.ask(read(PLACE))
+    assert cut.state is Cut.SPOILT
+    assert residue_after(cut.left) == INVERTED
+    assert passed[2:3] == b"\x00"
+
+
+def test_a_limit_is_not_told_before_it_is_whole() -> None:
+    """0 passes as it is, and 1 does not: both ends of 256 counts say nothing of what is between them."""
+    bench = Bench(plan_at(0, limits=(PositionField(0x0620, RegisterType.INT32),)))
+    for counts in range(-8_000, 1, 400):
+        bench.ask(write(TARGET, counts))
+        bench.now_ns += 10 * MS
+    bench.send(bytes.fromhex("03 06 20 00 02"))
+    transaction = bench.line._transactions.current
+    assert transaction is not None
+    shape = reply_shape_of(transaction)
+    assert shape == reply_shape(2, [(0, 2)])
