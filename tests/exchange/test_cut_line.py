@@ -358,6 +358,20 @@ def test_a_request_is_torn_where_it_is_written_later_than_the_transmitter_is_emp
     assert (line.requests(), line.forwarding.underruns) == ({CutEvent.COMMITTED: 1}, torn)
 
 
+def test_a_request_is_not_torn_whose_first_bytes_were_written_late_and_the_next_ones_in_time() -> None:
+    """Between its clock and its first write the process stands still: that begins when it is written."""
+    line = site()
+    began_ns = line.come(frame_of(NEXT)[:4])
+    line.bench.now_ns = began_ns + 11 * MS
+    line.forwarder.tick(began_ns + 4_325_000)
+    line.hear(line.cnc, frame_of(NEXT)[4:10])
+    left = line.to_drives(began_ns)
+    assert [when for when, _ in left] == [11.0, 11.0]  # late by its clock: filled up
+    ends_spoilt(left)
+    # By the clock of before its first write it was empty from 8.325 on; it was not before 15.
+    assert (line.requests(), line.forwarding.underruns) == ({CutEvent.STALLED: 1}, 0)
+
+
 @pytest.mark.parametrize(
     ("late_ms", "begins"),
     [

@@ -333,7 +333,9 @@ class Forwarder:
             return False
         if out:
             stamps = self._way.send(frame, out, self._now_ns)
-            frame.written(len(out), stamps.ready_ns, stamps.sent_ns)
+            is_measured = stamps.sent_ns > 0
+            ready_ns = stamps.ready_ns if is_measured else self._now_ns
+            frame.written(len(out), ready_ns, stamps.sent_ns if is_measured else self._now_ns)
         if frame.is_over:
             self._forwarding.underruns += frame.gap_ns > 0
             self._way.ended(frame, out, self._now_ns)

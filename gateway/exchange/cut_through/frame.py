@@ -328,7 +328,8 @@ class CutThrough:
         self.empty_ns = 0
         """When the transmitter has sent all that has left."""
         self.gap_ns = 0
-        """The longest time for which it was empty inside of the frame, as far as its speed says."""
+        """The longest time for which it was empty inside of the frame, by its speed and by when the pieces
+        were written: longer than 0 where it may have been (:meth:`written`)."""
         self.written_need_ns = 0
         """How long after its first piece it would have had to begin to leave, by when what followed was
         written, so that the transmitter is never empty. 0: it left in one, or not from here."""
@@ -550,8 +551,6 @@ class CutThrough:
         if data:
             if not self.left:
                 self.began_ns = now_ns
-            else:
-                self.gap_ns = max(self.gap_ns, now_ns - self.empty_ns)
             self.empty_ns = max(self.empty_ns, now_ns) + len(data) * self._pace.out_ns
             self.left += data
             self._left_ns = now_ns
