@@ -3,11 +3,16 @@
 import os
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from gateway.exchange.commands import SetTable
 from gateway.ipc.messages import Done, Reply, Request
 from gateway.ipc.place import ROOT_UID
+
+ASKED_AGAIN_S: Final = 0.002
+"""A status that has to wait is tried again after so long: shorter than what lies between two frames."""
+LONGEST_WAIT_S: Final = 0.25
+"""So long it waits at most: on many lines some frame is leaving nearly always."""
 
 
 async def _no_tables(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
@@ -16,6 +21,10 @@ async def _no_tables(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
 
 def _no_status() -> Mapping[str, Any]:
     return {}
+
+
+def _never() -> bool:
+    return False
 
 
 def _no_note(_detail: str) -> None:
@@ -32,6 +41,8 @@ class Desk:
     answer: Callable[[Request], Reply]
     hand_over: Callable[[SetTable, Sequence[int]], Awaitable[Reply]] = _no_tables
     status: Callable[[], Mapping[str, Any]] = _no_status
+    has_to_wait: Callable[[], bool] = _never
+    """Whether a status has to wait, which takes milliseconds: a frame is leaving that must not break off."""
     tapes: Callable[[], Mapping[str, int]] = dict
     """The tape of each line that has one, as a descriptor that stays the gateway's."""
     complain: Callable[[str], None] = _no_note

@@ -5,12 +5,12 @@ has taken a part of, one note that a snapshot is due (it is made when it can be 
 """
 
 import asyncio
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
 from gateway.broadcast import NewestQueue
+from gateway.ipc.desk import ASKED_AGAIN_S, LONGEST_WAIT_S, Desk
 from gateway.ipc.messages import DEFAULT_INTERVAL_S, Happened, Snapshot, encode
 from gateway.ipc.outbox import Outbox
 
@@ -20,12 +20,12 @@ SENT_A_TURN: Final = 8
 
 
 class Listener:
-    """Events and snapshots on their way to one connection; ``status`` returns the model as it is now."""
+    """Events and snapshots on their way to one connection; ``desk`` has the model as it is now."""
 
-    def __init__(self, outbox: Outbox, interval_s: float, status: Callable[[], Mapping[str, Any]]) -> None:
+    def __init__(self, outbox: Outbox, interval_s: float, desk: Desk) -> None:
         self._outbox = outbox
         self._interval_s = interval_s
-        self._status = status
+        self._desk = desk
         self._events: NewestQueue[Happened] = NewestQueue(EVENTS_KEPT)
         self._is_snapshot_due = True
         self._snapshots_dropped = 0
@@ -54,13 +54,17 @@ class Listener:
         for _ in range(SENT_A_TURN):
             if self._outbox.waiting_bytes or not (self._events.items or self._is_snapshot_due):
                 return
+            if not self._events.items and self._has_to_wait():
+                self._more.cancel()
+                self._more = self._loop.call_later(ASKED_AGAIN_S, self.pump)
+                return
             dropped, self._snapshots_dropped = self._events.take_dropped() + self._snapshots_dropped, 0
             if self._events.items:
                 happened = self._events.items.popleft()
                 self._outbox.write(encode(msgspec.structs.replace(happened, dropped=dropped)))
             else:
                 self._is_snapshot_due = False
-                self._outbox.write(encode(Snapshot(status=dict(self._status()), dropped=dropped)))
+                self._outbox.write(encode(Snapshot(status=dict(self._desk.status()), dropped=dropped)))
         self._more.cancel()
         self._more = self._loop.call_soon(self.pump)
 
@@ -70,6 +74,9 @@ class Listener:
         self._more.cancel()
         self._events.items.clear()
         self._is_snapshot_due = False
+
+    def _has_to_wait(self) -> bool:
+        return self._desk.has_to_wait() and self._loop.time() < self._since_s + LONGEST_WAIT_S
 
     def _tick(self) -> None:
         self._since_s = self._loop.time()

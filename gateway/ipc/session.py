@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from gateway.exchange.commands import MAX_TABLES, SetTable
-from gateway.ipc.desk import Desk
+from gateway.ipc.desk import ASKED_AGAIN_S, LONGEST_WAIT_S, Desk
 from gateway.ipc.listener import Listener
 from gateway.ipc.messages import (
     MAX_REQUEST_BYTES,
@@ -101,7 +101,7 @@ class Session:
         self._loop = asyncio.get_running_loop()
         self._is_reading = False
         self._handing_over: asyncio.Task[None] | None = None
-        """Nothing else of this client is taken until its tables are."""
+        """Nothing else of this client is taken until its tables are, or a status that has to wait."""
         self._idle = self._loop.call_later(clients.idle_s, self.drop)
         self._read_on()
 
@@ -246,6 +246,8 @@ class Session:
             self._idle.cancel()
             descriptors, self._descriptors = self._descriptors, []
             self._handing_over = self._loop.create_task(self._hand_over(request, descriptors))
+        elif isinstance(request, GetStatus) and desk.has_to_wait():
+            self._handing_over = self._loop.create_task(self._answer_later(request))
         elif isinstance(request, GetTapes):
             self._lend(desk.tapes())
         else:
@@ -263,6 +265,16 @@ class Session:
             self.drop()
             return
         self._outbox.write(data[sent:])
+
+    async def _answer_later(self, request: Request) -> None:
+        """Answer as soon as that disturbs no frame, or it has waited for too long."""
+        latest_s = self._loop.time() + LONGEST_WAIT_S
+        while self._clients.desk.has_to_wait() and self._loop.time() < latest_s:  # noqa: ASYNC110 - no event
+            await asyncio.sleep(ASKED_AGAIN_S)
+        self._handing_over = None
+        if self._is_open:
+            self._send(self._clients.desk.answer(request))
+            self._next()
 
     async def _hand_over(self, request: SetTable, descriptors: list[int]) -> None:
         reply: Reply | None = None
@@ -289,7 +301,7 @@ class Session:
         else:
             self._idle.cancel()  # it may be silent from now on
             self._send(Subscribed(interval_s=request.interval_s))
-            self.listener = Listener(self._outbox, request.interval_s, self._clients.desk.status)
+            self.listener = Listener(self._outbox, request.interval_s, self._clients.desk)
 
     def _refuse(self, kind: str, reason: str) -> None:
         """Say why, close what came with it, and end."""

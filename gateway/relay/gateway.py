@@ -36,7 +36,7 @@ from gateway.exchange.control import ControlError
 from gateway.exchange.latency_status import BOUNDS_US
 from gateway.exchange.limits import values_of
 from gateway.exchange.line import LineExchange
-from gateway.ipc.desk import Desk
+from gateway.ipc.desk import ASKED_AGAIN_S, LONGEST_WAIT_S, Desk
 from gateway.ipc.messages import (
     Done,
     GetStatus,
@@ -113,6 +113,7 @@ class Relay:
         self._activity = Activity()
         self._looks = self._turns = 0
         self._turning: asyncio.TimerHandle | None = None
+        self._turn_due_s = 0.0
         self._collecting = Collecting(lambda: not self.busy_lines, self._activity)
         self._pulse: Pulse | None = None
         """Beats from the start on; None: not started, or closed."""
@@ -385,14 +386,21 @@ class Relay:
         }
 
     def _turn(self) -> None:
-        """Turn one line each time, as with looks."""
-        if self._lines:
+        """Turn one line each time, as with looks; not while a frame is leaving."""
+        loop = asyncio.get_running_loop()
+        if self._lines and self._is_forwarding() and loop.time() < self._turn_due_s + LONGEST_WAIT_S:
+            self._turning = loop.call_later(ASKED_AGAIN_S, self._turn)
+        elif self._lines:
             # Before the work: a mistake in it must not end the turning.
             pause_s = TURN_EVERY_S / len(self._lines)
-            self._turning = asyncio.get_running_loop().call_later(pause_s, self._turn)
+            self._turn_due_s = loop.time() + pause_s
+            self._turning = loop.call_later(pause_s, self._turn)
             self._turns += 1
             self._scheduling = in_force()
             self._lines[self._turns % len(self._lines)].turn()
+
+    def _is_forwarding(self) -> bool:
+        return any(line.is_forwarding for line in self._lines)
 
     def _show_tapes(self) -> None:
         for line in self._lines:
@@ -455,6 +463,7 @@ class Relay:
                 answer=partial(self._named, "a command", self.answer),
                 hand_over=self.take_tables,
                 status=self.status,
+                has_to_wait=self._is_forwarding,
                 tapes=self._tapes,
                 complain=lambda detail: self._journal.note(processes.SOCKET_REFUSED, detail=detail),
             )

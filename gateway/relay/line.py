@@ -145,6 +145,12 @@ class Line:
         return self._exchange.is_idle
 
     @property
+    def is_forwarding(self) -> bool:
+        """Whether a frame is leaving while it arrives: what keeps the loop for long tears it."""
+        forwarding = self._exchange.forwarding
+        return forwarding is not None and forwarding.is_leaving
+
+    @property
     def longest_stop_s(self) -> float:
         """So long a stop waits for the exchange on the wire, at most."""
         return self._longest_exchange_s() + STOP_MARGIN_S

@@ -6,6 +6,7 @@ are off the wire at 17.325, and 10.5 of silence follow where it was spoilt: 27.8
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -133,6 +134,20 @@ def test_a_tap_hears_frames_that_leave_early_in_the_order_of_those_that_are_stor
     line.hear(line.panel, frame_of(OTHER))
     assert heard.entries[-1] == traffic.Gone("line", line.bench.now_ns, 1)
     assert heard.frames[4:] == [(REQUEST, 2, OTHER.hex()), (SENT, 0, OTHER.hex())]
+
+
+def test_what_takes_long_is_told_while_a_frame_is_leaving() -> None:
+    line = site()
+    line.measure(acknowledgement_shape(), of_replies=True)
+    seen = []
+    for frame, comes in ((frame_of(NEXT), partial(line.hear, line.cnc)), (ACKNOWLEDGED, line.answer)):
+        for number in range(len(frame)):
+            line.pass_to(line.bench.now_ns + CHAR_NS)
+            comes(frame[number : number + 1])
+            seen.append(line.forwarding.is_leaving)
+        line.pass_to(line.bench.now_ns + 5 * MS)
+    # Its first bytes leave at 4.325, the acknowledgement's at 2.325: with the fifth and the third to come.
+    assert seen == [*[False] * 4, *[True] * 8, False, *[False] * 2, *[True] * 5, False]
 
 
 def test_a_read_leaves_at_its_function_and_the_position_in_its_reply_when_it_is_whole() -> None:

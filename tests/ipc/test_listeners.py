@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
-from gateway.ipc.desk import Desk
+from gateway.ipc.desk import LONGEST_WAIT_S, Desk
 from gateway.ipc.listener import EVENTS_KEPT
 from gateway.ipc.messages import (
     GetStatus,
@@ -107,6 +107,56 @@ async def test_a_listener_may_ask_too_and_may_be_silent_for_long(tmp_path: Path)
         ear.writer.write(encode(Ping()))
         while not isinstance(message := await ear.next(), Pong):
             assert isinstance(message, Snapshot)
+
+
+@contextlib.asynccontextmanager
+async def serving_between_frames(state: Path, leaving: list[bool]) -> AsyncIterator[ControlServer]:
+    """Serve, and say whether a frame is leaving as the list has it; in the end its last."""
+
+    def is_leaving() -> bool:
+        return leaving.pop(0) if len(leaving) > 1 else leaving[0]
+
+    def answer(request: Request) -> Reply:
+        return Status(status=status()) if isinstance(request, GetStatus) else pong(request)
+
+    def status() -> dict[str, Any]:
+        return {"asked_before": len(leaving)}
+
+    desk = Desk(answer, status=status, has_to_wait=is_leaving)
+    server = ControlServer(state, desk)
+    await server.open()
+    try:
+        yield server
+    finally:
+        await server.close()
+
+
+async def test_a_snapshot_waits_until_no_frame_is_leaving(tmp_path: Path) -> None:
+    leaving = [True, True, True, False]
+    async with serving_between_frames(tmp_path, leaving) as server, listening(server) as ear:
+        assert await ear.next() == Snapshot(status={"asked_before": 1})
+    assert leaving == [False]
+
+
+async def test_a_status_waits_until_no_frame_is_leaving_and_what_is_asked_behind_it_with_it(
+    tmp_path: Path,
+) -> None:
+    leaving = [False, True, True, True, False]
+    async with serving_between_frames(tmp_path, leaving) as server, listening(server) as ear:
+        assert await ear.next() == Snapshot(status={"asked_before": 4})  # at once
+        ear.writer.write(encode(GetStatus()) + encode(Ping()))
+        assert await ear.next() == Status(status={"asked_before": 1})
+        assert isinstance(await ear.next(), Pong)
+
+
+async def test_a_status_comes_where_a_frame_is_always_leaving(tmp_path: Path) -> None:
+    async with serving_between_frames(tmp_path, [True]) as server, listening(server) as ear:
+        began_s = asyncio.get_running_loop().time()
+        assert isinstance(await ear.next(), Snapshot)
+        ear.writer.write(encode(GetStatus()))
+        assert isinstance(await ear.next(), Status)
+        # The snapshot has waited since it was subscribed to, a moment before; the status for all of it.
+        assert asyncio.get_running_loop().time() - began_s >= LONGEST_WAIT_S
 
 
 async def test_to_subscribe_again_changes_the_interval(tmp_path: Path) -> None:

@@ -174,6 +174,12 @@ class Forwarding:
         """Return the way of the requests of a port; None: they are not followed."""
         return None if port is None else self._ways.get(port)
 
+    @property
+    def is_leaving(self) -> bool:
+        """Whether bytes of a frame have left that others have to follow in time."""
+        forwarders = [self.drives, *(way.forwarder for way in self._ways.values())]
+        return any(forwarder.is_leaving for forwarder in forwarders)
+
     # --- what the line says of its transactions ---------------------------------------------------------
 
     def end_request(self, transaction: Transaction, why: CutEvent, now_ns: int) -> None:
@@ -269,6 +275,11 @@ class Forwarder:
     def deadline_ns(self) -> int | None:
         """When :meth:`tick` wants to be called."""
         return None if self._frame is None else self._frame.deadline_ns
+
+    @property
+    def is_leaving(self) -> bool:
+        """Whether bytes of the frame that arrives have left, and others have to follow."""
+        return self._frame is not None and self._frame.is_on_the_way
 
     def feed(self, data: bytes, now_ns: int, *, is_fresh: bool) -> bool:
         """Take bytes, before the decoder does; return whether they ended a frame that has left with them.
