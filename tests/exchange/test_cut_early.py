@@ -179,6 +179,59 @@ def test_what_is_said_to_be_decided_is_what_each_last_byte_gives(
         assert not any(path.begins_with(byte, bench.port, begun, bench.now_ns) for byte in range(256))
 
 
+def decides(*, added: int, counts: int = 300) -> tuple[WritePath, Bench]:
+    """Return the way of targets, of an axis whose table adds the same everywhere and that is at a place."""
+    table = make_table([-100, 100], [added / 1000] * 2, [added / 1000] * 2, Units.MM)
+    bench = Bench(stream_plan(table=table, command=(TARGET,)))
+    for each in range(counts - 8_000, counts + 1, 100):
+        bench.ask(write(TARGET, each))
+        bench.now_ns += 10 * MS
+    path = units_of(bench).path_of(1, write(TARGET, 0))
+    assert isinstance(path, WritePath)
+    return path, bench
+
+
+@pytest.mark.parametrize(
+    ("added", "begun", "byte", "is_decided"),
+    [
+        (-30, "00 00 00", 0x00, False),  # from FFFFFFE2 to 000000E1
+        (-30, "00 00 00", 0xFF, False),
+        (-30, "00 00 01", 0x00, True),  # from 000000E2 on
+        (-30, "00 00 01", 0xFF, False),
+        (30, "FF FF FF", 0xFF, False),  # to 0000001D
+        (30, "FF FF FF", 0x00, False),
+        (30, "FF FF FE", 0xFF, True),
+        (30, "7F FF FF", 0x7F, False),  # its last 30 do not fit
+        (-30, "80 00 00", 0x80, False),
+    ],
+)
+def test_both_ends_of_what_the_last_byte_leaves_open_decide(
+    added: int, begun: str, byte: int, *, is_decided: bool
+) -> None:
+    path, bench = decides(added=added)
+    assert path.begins_with(byte, bench.port, bytes.fromhex(begun), bench.now_ns) is is_decided
+
+
+def test_a_target_that_was_sent_with_another_first_byte_leaves_the_first_byte_open() -> None:
+    """The same target is the same words, whatever the table adds by now."""
+    path, bench = decides(added=30)
+    begun = TARGET.pack(300)[:3]
+    assert path.begins_with(0, bench.port, begun, bench.now_ns)
+    image = bench.line.axes[0].fields[0]
+    image.settle(TARGET.pack(300), TARGET.pack(-20), image.epoch)
+    assert not path.begins_with(0, bench.port, begun, bench.now_ns)
+    assert path.begins_with(0, bench.port, TARGET.pack(600)[:3], bench.now_ns)
+
+
+def test_nothing_is_decided_of_a_target_that_goes_the_slow_path() -> None:
+    path, bench = decides(added=30)
+    begun = TARGET.pack(300)[:3]
+    assert path.begins_with(0, bench.port, begun, bench.now_ns)
+    assert not path.begins_with(0, None, begun, bench.now_ns)  # of another controller
+    bench.line.command(Disable(axes=("x",)), bench.now_ns)
+    assert not path.begins_with(0, bench.port, begun, bench.now_ns)
+
+
 @given(border=st.sampled_from(BORDERS), near=st.integers(-2_000, 2_000), place=st.integers(-2_000, 2_000))
 def test_what_is_said_to_be_read_is_what_each_last_byte_reads(border: int, near: int, place: int) -> None:
     bench = Bench(plan_at(border))
