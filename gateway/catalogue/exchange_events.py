@@ -69,8 +69,8 @@ CUT_THROUGH_OFF: Final = EventEntry(
     "front of a fast one, or a machine that is busy with other things",
     "see with `pitch-gateway budget CONFIG` what the wires alone would allow: where no frame gains, take "
     "`cut_through` out; else let the gateway set the latency timer (`low_latency`, see "
-    "[latency settings](#what-a-serial-port-adds-latency-settings)), or give the relay `fifo`; then start "
-    "the gateway again",
+    "[latency settings](operations.md#what-a-serial-port-adds-latency-settings)), or give the relay `fifo`; "
+    "then start the gateway again",
 )
 DRIVE_ANSWERS: Final = EventEntry(
     "drive-answers",
@@ -202,7 +202,7 @@ RECORD_NOT_USED: Final = EventEntry(
     "the record of the run before does not count, or none can be kept: the axis starts as for the first time",
     "the axis was moved meanwhile, table or scale were changed, it is not referenced, or the file cannot be "
     "used; the detail says which",
-    "see [what a restart knows](#what-a-restart-knows); most reasons pass with the first target",
+    "see [what a restart knows](operations.md#what-a-restart-knows); most reasons pass with the first target",
 )
 WITHDRAWN: Final = EventEntry(
     "withdrawn",

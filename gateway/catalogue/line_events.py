@@ -27,7 +27,7 @@ SERIAL_LATENCY: Final = EventEntry(
     "the driver of a serial port keeps bytes back for longer than it has to; the port works",
     "the latency timer of an FTDI adapter or the trigger level of a UART, which only root may change",
     "put the udev rule of the detail in place: see "
-    "[latency settings](#what-a-serial-port-adds-latency-settings)",
+    "[latency settings](operations.md#what-a-serial-port-adds-latency-settings)",
 )
 WRONG_UNIT: Final = EventEntry(
     "wrong-unit",

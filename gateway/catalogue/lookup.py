@@ -87,7 +87,7 @@ def everything() -> dict[str, list[Explanation]]:
 def plain(text: str) -> str:
     """Return a text of the catalogue for a terminal: a link is its words.
 
-    >>> plain("see [what a restart knows](#what-a-restart-knows)")
+    >>> plain("see [what a restart knows](operations.md#what-a-restart-knows)")
     'see what a restart knows'
     """
     return re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", text)
@@ -153,8 +153,8 @@ def _made(kind: str, name: str, *texts: str) -> Explanation:
 
 
 def _with_page(text: str) -> str:
-    """Name the page of a heading that a text links to: in the document it stands on the same one."""
-    return re.sub(r"(\]\(#[^)]+\))", r"\1 in docs/operations.md", text)
+    """Name the page of a heading that a text links to."""
+    return re.sub(r"(\]\(([a-z-]+\.md)#[^)]+\))", r"\1 in docs/\2", text)
 
 
 def _fits(text: str, says: str) -> bool:

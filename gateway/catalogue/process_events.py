@@ -90,7 +90,7 @@ SCHEDULING_REFUSED: Final = EventEntry(
     Severity.WARNING,
     "the system refuses what `key` of `[relay]` asks for; the gateway runs without it",
     "no right to a real-time priority or to locked memory, or a CPU that is not there",
-    "do what `remedy` says; see [real-time scheduling](#real-time-scheduling)",
+    "do what `remedy` says; see [real-time scheduling](operations.md#real-time-scheduling)",
 )
 SCHEDULING_WITHDRAWN: Final = EventEntry(
     "scheduling-withdrawn",

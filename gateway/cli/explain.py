@@ -62,7 +62,7 @@ def explain(
     status, the page and the metrics; the exceptions of Modbus, as a drive answers them and as the gateway
     itself does, however the code is written (0x0B, 0Bh, 11, "83 0B", ILLEGAL_DATA_ADDRESS), or by their
     sentence in the log; why a relay does not start; the remarks about tables (L8, R2); and every key of the
-    configuration. docs/operations.md, docs/tab-format.md and docs/configuration.md have the same.
+    configuration. docs/messages.md, docs/tab-format.md and docs/configuration.md have the same.
 
     A remedy that names a key means the configuration: change it there, then `pitch-gateway reload CONFIG`.
     That takes the change, or says that the gateway has to be started again.

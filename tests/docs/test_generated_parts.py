@@ -29,8 +29,8 @@ def test_every_part_stands_in_a_document() -> None:
         assert text.count(f"<!-- make docs: {name} -->\n{part(name)}<!-- end -->") == 1, name
 
 
-def test_operations_knows_every_event_and_every_trouble() -> None:
-    [text] = [text for path, text in DOCUMENTS.items() if path.name == "operations.md"]
+def test_messages_knows_every_event_and_every_trouble() -> None:
+    [text] = [text for path, text in DOCUMENTS.items() if path.name == "messages.md"]
     for name in (*EVENTS, *TROUBLES):
         assert re.search(rf"^\| `{name}` \|", text, re.MULTILINE), name
 
