@@ -41,7 +41,7 @@ class GatewaySection(StrictModel):
                 "the compiled configuration and tables, `axis-NAME.record`, with which an "
                 "axis goes on after a restart, and while it runs `relay.sock`, over which "
                 "commands and the supervisor find it (see "
-                "[operations.md](operations.md)). Made where it is missing; one for each "
+                "[services.md](services.md)). Made where it is missing; one for each "
                 "gateway"
             ),
             kind="path",
