@@ -137,7 +137,7 @@ NOT_RUN: Final = {
     "init": "asks, and has tests of its own",
 }
 """First words of lines that are only read, and why."""
-OWN_TESTS: Final = frozenset({"add-a-dialect.md", "metrology.md", "tutorial.md"})
+OWN_TESTS: Final = frozenset({"add-a-dialect.md", "first-hour.md", "metrology.md"})
 """Pages whose lines are typed in their order, and what they say compared, by tests of their own."""
 NO_MACHINE: Final = (
     "no gateway runs",

@@ -1,4 +1,4 @@
-"""The tutorial: its files and commands as they stand, with the numbers that it promises."""
+"""The first hour step by step: its files and commands as they stand, with the numbers that it promises."""
 
 import os
 import signal
@@ -11,7 +11,7 @@ from tests.child import started
 from tests.docs.pages import assert_promised, blocks, is_promised
 from tests.ports import free_port
 
-SETUP, *STEPS = blocks("tutorial.md")
+_, _, _, SETUP, *STEPS = blocks("first-hour.md")
 STARTS = {
     "pitch-gateway simulate gateway.toml": "Ctrl-C ends it.",
     "pitch-gateway run gateway.toml": '"http-ready"',
@@ -26,7 +26,7 @@ LOOKS = 20
 
 
 class Desk:
-    """The folder of the tutorial and its terminals. It has ports of its own: the page's may be taken here."""
+    """The folder of these steps and its terminals. It has ports of its own: the page's may be taken here."""
 
     def __init__(self, folder: Path, programs: ExitStack) -> None:
         self.folder = folder
@@ -92,11 +92,11 @@ def test_the_first_block_makes_the_program_and_the_folder() -> None:
     """``make setup`` has made what ``make program`` would; the rest is what ``Desk`` does."""
     assert SETUP.language == "sh"
     assert SETUP.text == (
-        'make program\nexport PATH="$PWD/.venv/bin:$PATH"\nmkdir -p ~/desk/tables\ncd ~/desk\n'
+        'make program\nexport PATH="$PWD/.venv/bin:$PATH"\nmkdir -p ~/first-move/tables\ncd ~/first-move\n'
     )
 
 
-def test_everything_that_the_tutorial_says_happens(tmp_path: Path) -> None:
+def test_everything_that_the_steps_say_happens(tmp_path: Path) -> None:
     with ExitStack() as programs:
         desk = Desk(tmp_path, programs)
         for block in STEPS:
