@@ -5,8 +5,8 @@ noise-free and noisy, with few targets and with many. The truth is E after ISO 2
 places in both directions, with the drive where the table sends it. ``--drift`` prints a second table instead:
 the noisy screws with few targets, on a scale that is wrong and on a machine that warms up while it is
 measured. Names of kinds run those alone, ``--few`` and ``--many`` only so many targets, ``--noisy`` only
-readings that scatter, ``--jobs N`` that many at a time; ``--write`` puts each row into ``docs/metrology.md``
-as soon as it is there, between the comments that name the command, and sums up.
+readings that scatter, ``--jobs N`` that many at a time; ``--write`` puts each row as soon as it is there into
+``docs/metrology-evidence.md``, between the comments that name the command, and sums up.
 """
 
 import sys
@@ -458,7 +458,7 @@ DRIFTING_HEADING: Final = (
 )
 
 
-PAGE: Final = Path(__file__).parents[2] / "docs" / "metrology.md"
+PAGE: Final = Path(__file__).parents[2] / "docs" / "metrology-evidence.md"
 COMMAND: Final = "python -m tests.metrology.screws"
 
 
