@@ -11,8 +11,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from gateway.cli.certificates.folder import read_authority
-from gateway.cli.certificates.making import (
+from gateway.commissioning.certificates import (
     SKEW,
     Signed,
     make_authority,
@@ -20,6 +19,7 @@ from gateway.cli.certificates.making import (
     make_leaf,
     make_list,
     make_server,
+    read_authority,
 )
 from gateway.transport.certificates import now_utc
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from gateway.cli.demonstration.cycle import run_round
-from gateway.cli.demonstration.screen import Screen
+from gateway.cli.demo_screen import Screen
+from gateway.commissioning.demo.cycle import run_round
 
 OUTPUT = Path(__file__).parents[1] / "docs" / "demo.svg"
 SPEED_UP = 100.0

@@ -50,8 +50,7 @@ def ca(
 
       pitch-gateway certificate ca machine-ca --name "Hall 2"
     """
-    from gateway.cli.certificates.folder import FolderError, found_authority
-    from gateway.cli.certificates.making import make_authority
+    from gateway.commissioning.certificates import FolderError, found_authority, make_authority
     from gateway.transport.certificates import now_utc
 
     _check_text(name, "--name")
@@ -79,8 +78,7 @@ def server(
 
       pitch-gateway certificate server machine-ca --host 192.168.0.6 --name mill-2
     """
-    from gateway.cli.certificates.folder import FolderError, read_authority, write_signed
-    from gateway.cli.certificates.making import make_server
+    from gateway.commissioning.certificates import FolderError, make_server, read_authority, write_signed
     from gateway.transport.certificates import now_utc
 
     _check_name(name)
@@ -111,8 +109,7 @@ def controller(
 
       pitch-gateway certificate controller machine-ca panel --role Viewer
     """
-    from gateway.cli.certificates.folder import FolderError, read_authority, write_signed
-    from gateway.cli.certificates.making import make_controller
+    from gateway.commissioning.certificates import FolderError, make_controller, read_authority, write_signed
     from gateway.transport.certificates import LONGEST_ROLE, now_utc
 
     _check_name(name)
@@ -139,8 +136,8 @@ def revoke(
     Examples:
       pitch-gateway certificate revoke machine-ca cnc
     """
-    from gateway.cli.certificates.folder import FolderError
-    from gateway.cli.certificates.folder import revoke as revoke_in
+    from gateway.commissioning.certificates import FolderError
+    from gateway.commissioning.certificates import revoke as revoke_in
     from gateway.transport.certificates import now_utc
 
     _check_name(name)
@@ -163,7 +160,7 @@ def show(
 
       pitch-gateway certificate show /etc/pitch-gateway/server.pem --json | jq .certificates[0].until
     """
-    from gateway.cli.certificates.showing import lines, shown
+    from gateway.commissioning.certificates import lines, shown
     from gateway.files import FileRefusedError
     from gateway.transport.certificates import now_utc
 

@@ -19,38 +19,17 @@ Axes = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
-class NoAnswerError(Exception):
-    """The relay of a gateway did not answer; why, and what to do."""
-
-
-def ask_relay(config: Path, state: Path, request: "Request") -> "Reply":
-    """Return the reply of the relay that keeps its state in a folder.
-
-    Raises:
-        NoAnswerError: there is none.
-    """
-    from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
-    from gateway.ipc.place import SocketError, socket_path
-
-    try:
-        return ask(socket_path(state), request)
-    except SocketError as error:
-        raise NoAnswerError(f"gateway.state: {error}") from None
-    except NobodyListensError as error:
-        raise NoAnswerError(f"{error}; start it with: pitch-gateway run {config}") from None
-    except NoGatewayError as error:
-        raise NoAnswerError(str(error)) from None
-
-
 def ask_or_exit(config: Path, request: "Request", *, as_json: bool = False) -> "Reply":
     """Return the reply of the gateway that runs CONFIG; without one, say so and end with exit code 1.
 
     With ``as_json`` standard output says it too, in the form of a command that changed nothing.
     """
+    from gateway.ipc.client import NoRelayError, ask_relay
+
     state = state_folder_or_exit(config)
     try:
         return ask_relay(config, state, request)
-    except NoAnswerError as error:
+    except NoRelayError as error:
         problem = str(error)
     if as_json:
         typer.echo(_result([], [problem]))

@@ -18,8 +18,8 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gateway.cli.demonstration.screen import Screen
-    from gateway.cli.demonstration.view import View
+    from gateway.cli.demo_screen import Screen
+    from gateway.commissioning.demo.cycle import View
 
 ONCE_SPEED_UP: Final = 100.0
 LIVE_SPEED_UP: Final = 8.0
@@ -126,9 +126,9 @@ async def _once(folder: Path, wanted: _Wanted) -> bool:
     """One round with a line for each step, and its result."""
     from rich.console import Console
 
-    from gateway.cli.demonstration.cycle import run_round
-    from gateway.cli.demonstration.report import Narrator, as_json, is_good, summary
-    from gateway.cli.demonstration.story import REPORT_RUNS
+    from gateway.cli.demo_screen import Narrator, summary
+    from gateway.commissioning.demo.cycle import run_round
+    from gateway.commissioning.demo.result import REPORT_RUNS, as_json, is_good
 
     started_s = time.monotonic()
     runs = 0 if wanted.report is None else REPORT_RUNS
@@ -151,7 +151,7 @@ async def _once(folder: Path, wanted: _Wanted) -> bool:
 
 
 def _write_report(view: "View", path: Path, *, force: bool) -> None:
-    from gateway.cli.demonstration.story import report_of
+    from gateway.commissioning.demo.result import report_of
     from gateway.report.writing import write_report
 
     made_at = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
@@ -160,7 +160,7 @@ def _write_report(view: "View", path: Path, *, force: bool) -> None:
 
 async def _live(console: "Console", folder: Path, seed: int) -> bool:
     """Follow rounds on the screen, a new machine each, until a signal."""
-    from gateway.cli.demonstration.screen import Screen
+    from gateway.cli.demo_screen import Screen
 
     screen = Screen(console)
     drawing = asyncio.create_task(screen.run())
@@ -175,7 +175,7 @@ async def _live(console: "Console", folder: Path, seed: int) -> bool:
 
 
 async def _rounds(screen: "Screen", folder: Path, seed: int) -> None:
-    from gateway.cli.demonstration.cycle import run_round
+    from gateway.commissioning.demo.cycle import run_round
 
     while True:
         await run_round(seed, folder, LIVE_SPEED_UP, screen)

@@ -19,9 +19,8 @@ from gateway.cli import init_options as options
 from gateway.cli.asking import Asking, number, text, two_numbers, whole_number
 
 if TYPE_CHECKING:
-    from gateway.cli.draft import Draft
-    from gateway.cli.first_configuration import Serial
-    from gateway.cli.serial_ports import Found
+    from gateway.commissioning.first_configuration import Draft, Serial
+    from gateway.commissioning.serial_ports import Found
 
 QUESTIONS: Final[Mapping[str, tuple[Callable[..., Any], str]]] = {
     "drives_at": (text, "Drives at (/dev/…, HOST:PORT, or rtu://HOST:PORT)"),
@@ -129,7 +128,7 @@ def init(
           --another-axis y,unit-id=2,counts-per-unit=1000,travel=-200:0 \
           --another-axis z,unit-id=3,counts-per-unit=500,travel=-99:0,table=z.tab
     """
-    from gateway.cli.first_configuration import Serial
+    from gateway.commissioning.first_configuration import Serial
 
     asking = Asking(is_on=sys.stdin.isatty() if ask is None else ask)
     controller = Serial(controller_baudrate, controller_parity, controller_stop_bits)
@@ -170,7 +169,7 @@ def init(
 
 def _new_draft(file: Path, drives: "Serial", controller: "Serial", *, force: bool) -> "Draft":
     """Return a draft in which nothing is answered yet; refuses files and settings that cannot be."""
-    from gateway.cli.draft import Draft
+    from gateway.commissioning.first_configuration import Draft
 
     _check_file(file, force=force)
     draft = Draft(file, drives, controller)
@@ -257,9 +256,8 @@ def _settle_rest(
     scanned: tuple[int, ...] | None,
 ) -> None:
     """Have everything else answered; what has a usual answer offers it."""
-    from gateway.cli.draft import FORMATS
-    from gateway.cli.first_configuration import format_words
-    from gateway.cli.serial_ports import serial_ports
+    from gateway.commissioning.first_configuration import FORMATS, format_words
+    from gateway.commissioning.serial_ports import serial_ports
 
     usual = _usual(draft, before)
     ports = serial_ports() if asking.is_on and before is None else []
@@ -300,8 +298,8 @@ def _usual(draft: "Draft", before: Mapping[str, Any] | None) -> dict[str, str]:
 
 def _scanned(asking: Asking, draft: "Draft", wanted: tuple[int, ...]) -> dict[str, str]:
     """Look for drives at every setting; return the one at which they answer, and the lowest unit id there."""
-    from gateway.cli.first_configuration import format_words
-    from gateway.cli.scanning import scan
+    from gateway.commissioning.first_configuration import format_words
+    from gateway.commissioning.serial_ports import scan
     from gateway.transport.errors import TransportError
     from gateway.transport.master import LostError
 
@@ -412,8 +410,7 @@ def _fit_units(file: Path, systemd: Path, *, is_good: bool, is_quiet: bool) -> N
 
 def _measured(file: Path, asking: Asking, draft: "Draft", *, measure: bool | None) -> tuple[str, ...]:
     """Return the time-outs that the drives ask for, as lines of the configuration; none: not measured."""
-    from gateway.cli.probing.timing import keys_of, measure_line
-    from gateway.cli.probing.timing_output import timing_lines
+    from gateway.commissioning.probe.timing import keys_of, measure_line, timing_lines
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
     from gateway.transport.errors import TransportError
@@ -438,7 +435,7 @@ def _measured(file: Path, asking: Asking, draft: "Draft", *, measure: bool | Non
 
 def _is_there(place: str) -> bool:
     """Whether a port is there, or somebody listens."""
-    from gateway.cli.first_configuration import RTU_OVER_TCP
+    from gateway.commissioning.first_configuration import RTU_OVER_TCP
 
     if place.startswith("/"):
         return os.path.exists(place)  # noqa: PTH110 - a folder that may not be entered is no error here

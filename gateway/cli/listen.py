@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 if TYPE_CHECKING:
-    from gateway.cli.listening.ear import Setting, Trial
-    from gateway.cli.listening.proposal import Place
-    from gateway.cli.listening.tally import Tally
+    from gateway.commissioning.listen.proposal import Place
+    from gateway.commissioning.listen.serial_line import Setting, Trial
+    from gateway.commissioning.listen.traffic import Tally
     from gateway.transport.endpoints import TcpEndpoint
 
 SERIAL_S: Final = 60.0
@@ -103,8 +103,7 @@ def _say(text: str) -> None:
 
 
 def _tell(tally: "Tally", place: "Place", data: dict[str, Any], out: Path | None, *, as_json: bool) -> None:
-    from gateway.cli.listening.output import as_data, as_text
-    from gateway.cli.listening.proposal import proposed
+    from gateway.commissioning.listen.proposal import as_data, as_text, proposed
 
     text = proposed(place, tally.units)
     if as_json:
@@ -132,10 +131,10 @@ def _hear_serial(
 ) -> "tuple[Tally, Place, dict[str, Any]]":
     import termios
 
-    from gateway.cli.listening.ear import BAUDRATES, Ear, find_setting, settings_to_try
-    from gateway.cli.listening.proposal import Place
-    from gateway.cli.listening.tally import Tally
     from gateway.clock import boot_ns
+    from gateway.commissioning.listen.proposal import Place
+    from gateway.commissioning.listen.serial_line import BAUDRATES, Ear, find_setting, settings_to_try
+    from gateway.commissioning.listen.traffic import Tally
     from gateway.times import NS_PER_S
     from gateway.transport.errors import TransportError
 
@@ -166,8 +165,8 @@ def _hear_serial(
 
 
 def _go_on(ear: Any, trial: "Trial", tally: "Tally", until_ns: int) -> None:
-    from gateway.cli.listening.ear import SILENCE_MS
     from gateway.clock import boot_ns
+    from gateway.commissioning.listen.serial_line import SILENCE_MS
     from gateway.times import NS_PER_S
 
     said_ns = boot_ns()
@@ -201,9 +200,9 @@ def _serial_data(trial: "Trial") -> dict[str, Any]:
 
 
 def _hear_proxy(port: str, to: str, seconds: float | None) -> "tuple[Tally, Place, dict[str, Any]]":
-    from gateway.cli.first_configuration import RTU_OVER_TCP
-    from gateway.cli.listening.proposal import Place
-    from gateway.cli.listening.tally import Tally
+    from gateway.commissioning.first_configuration import RTU_OVER_TCP
+    from gateway.commissioning.listen.proposal import Place
+    from gateway.commissioning.listen.traffic import Tally
     from gateway.transport.errors import TransportError
 
     is_rtu = to.startswith(RTU_OVER_TCP)
@@ -228,7 +227,7 @@ def _endpoint(text: str, where: str, *, is_rtu: bool) -> "TcpEndpoint":
 
 
 async def _serve(near: "TcpEndpoint", far: "TcpEndpoint", tally: "Tally", seconds: float | None) -> None:
-    from gateway.cli.listening.proxy import Proxy
+    from gateway.commissioning.listen.proxy import Proxy
 
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gateway.cli.commanding import NoAnswerError, ask_relay
+from gateway.ipc.client import NoRelayError, ask_relay
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,7 +22,7 @@ def look(config: Path, state: Path) -> Mapping[str, Any]:
     """Return the status: the supervisor's where it answers, which knows the files, else what the relay says.
 
     Raises:
-        NoAnswerError: neither of them does.
+        NoRelayError: neither of them does.
     """
     from gateway.ipc.messages import GetStatus, Status
     from gateway.ipc.supervisor_client import NoSupervisorError, ask_supervisor
@@ -38,7 +38,7 @@ def look(config: Path, state: Path) -> Mapping[str, Any]:
             return whole
     try:
         reply = ask_relay(config, state, GetStatus())
-    except NoAnswerError:
+    except NoRelayError:
         if whole is None:
             raise
         return whole
@@ -57,14 +57,14 @@ def looks(config: Path, state: Path) -> Iterator[Mapping[str, Any] | str]:
     """Yield the status again and again, or why there is none; the first one has to be there.
 
     Raises:
-        NoAnswerError: there is nobody to begin with.
+        NoRelayError: there is nobody to begin with.
     """
     yield look(config, state)
     while True:
         time.sleep(EVERY_S)
         try:
             yield look(config, state)
-        except NoAnswerError as error:
+        except NoRelayError as error:
             yield str(error)
 
 

@@ -13,9 +13,9 @@ from gateway.cli.configuration import load_or_exit
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gateway.cli.probing.judgement import Finding
-    from gateway.cli.probing.readings import AxisReadings
-    from gateway.cli.probing.timing import LineTimes
+    from gateway.commissioning.probe.judgement import Finding
+    from gateway.commissioning.probe.readings import AxisReadings
+    from gateway.commissioning.probe.timing import LineTimes
     from gateway.config.load import Loaded
     from gateway.state.plan import LinePlan
 
@@ -123,7 +123,13 @@ def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
 async def _probe(
     lines: "list[LinePlan]", axis: str | None, problems: list[str], *, is_scanned: bool
 ) -> "list[AxisReadings]":
-    from gateway.cli.probing.readings import RETURNED, ask_unused_unit, ask_with_wrong_crc, read_axis, scan
+    from gateway.commissioning.probe.readings import (
+        RETURNED,
+        ask_unused_unit,
+        ask_with_wrong_crc,
+        read_axis,
+        scan,
+    )
     from gateway.transport.errors import TransportError
     from gateway.transport.framing import endpoint_key, returns_requests
     from gateway.transport.master import ModbusMaster
@@ -150,7 +156,7 @@ async def _probe(
 
 
 def _say_scan(line: "LinePlan") -> None:
-    from gateway.cli.probing.readings import LAST_UNIT_ID
+    from gateway.commissioning.probe.readings import LAST_UNIT_ID
     from gateway.times import NS_PER_MS, NS_PER_S, span
 
     at_most = span(LAST_UNIT_ID * line.timing.response_timeout_ms * NS_PER_MS / NS_PER_S)
@@ -168,7 +174,7 @@ def _time(config: Path, lines: "list[LinePlan]", *, as_json: bool) -> None:
         data = {times.line.name: times.as_data() for times in found}
         typer.echo(json.dumps({"lines": data, "problems": problems}))
     else:
-        from gateway.cli.probing.timing_output import timing_lines
+        from gateway.commissioning.probe.timing import timing_lines
 
         for times in found:
             for text in timing_lines(times):
@@ -180,7 +186,7 @@ def _time(config: Path, lines: "list[LinePlan]", *, as_json: bool) -> None:
 
 
 async def _measure(lines: "list[LinePlan]", problems: list[str]) -> "list[LineTimes]":
-    from gateway.cli.probing.timing import measure_line
+    from gateway.commissioning.probe.timing import measure_line
     from gateway.transport.errors import TransportError
     from gateway.transport.framing import endpoint_key
 
@@ -194,7 +200,7 @@ async def _measure(lines: "list[LinePlan]", problems: list[str]) -> "list[LineTi
 
 
 def _report(found: "AxisReadings") -> dict[str, Any]:
-    from gateway.cli.probing.judgement import Weight, findings_of, position_of
+    from gateway.commissioning.probe.judgement import Weight, findings_of, position_of
 
     findings = findings_of(found)
     positions = {
@@ -224,7 +230,7 @@ def _report(found: "AxisReadings") -> dict[str, Any]:
 
 
 def _text(found: "AxisReadings") -> "Iterator[str]":
-    from gateway.cli.probing.judgement import Weight, findings_of, position_of, said_ids
+    from gateway.commissioning.probe.judgement import Weight, findings_of, position_of, said_ids
 
     plan = found.plan
     units = plan.settings.units.value

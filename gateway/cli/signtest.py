@@ -11,7 +11,7 @@ from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit
 
 if TYPE_CHECKING:
-    from gateway.cli.sign_report import SignReport
+    from gateway.commissioning.sign_test import SignReport
     from gateway.exchange.plan import AxisPlan
 
 UNCERTAINTY_MM = 0.002
@@ -181,7 +181,7 @@ def _inside(plan: "AxisPlan") -> tuple[float, float] | None:
 def _report(
     plan: "AxisPlan", at: float, forward_reading: float, backward_reading: float, uncertainty: float
 ) -> "SignReport":
-    from gateway.cli.sign_report import SignReport
+    from gateway.commissioning.sign_test import SignReport
     from gateway.compensation.correction_spec import spec_of_table
     from gateway.metrology.errors import ReadingsError
     from gateway.metrology.sign_test import Measurement, Pair, sign_test

@@ -33,7 +33,7 @@ def status(
         pitch-gateway status gateway.toml --json | jq .axes.x.latency
     """
     from gateway.cli import looking
-    from gateway.cli.commanding import NoAnswerError
+    from gateway.ipc.client import NoRelayError
 
     state = state_folder_or_exit(config)
     try:
@@ -41,7 +41,7 @@ def status(
             looking.watch(looking.looks(config, state), as_json=as_json)
             return
         seen = looking.look(config, state)
-    except NoAnswerError as error:
+    except NoRelayError as error:
         typer.echo(f"{config}: {error}", err=True)
         raise typer.Exit(1) from None
     if as_json:

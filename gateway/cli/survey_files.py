@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli import table_writing
 from gateway.cli.table_output import finding_line, print_lines
 from gateway.compensation.errors import TableError
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE
@@ -34,6 +33,7 @@ from gateway.tabfile import (
     TabFileError,
     WriteOptions,
     Written,
+    conversion,
     dialect_named,
     parse_table,
 )
@@ -283,7 +283,7 @@ def written(
     """
     table = tidied(table, MEASURED_DECIMALS)
     try:
-        result = table_writing.write_text(table, target, options)
+        result = conversion.write_text(table, target, options)
     except TabFileError as error:
         remedy = error.allowed
         # writers name the options of table convert
@@ -332,12 +332,12 @@ def write_file(out: Path, text: str, *, force: bool, encoding: str = "utf-8") ->
     """
     if is_readings(out):
         raise TabFileError(Problem(str(out), "a file of readings", "another name for OUT, the last argument"))
-    table_writing.write(out, text, force=force, encoding=encoding)
+    conversion.write(out, text, force=force, encoding=encoding)
 
 
 def told_to_reader(result: Written, again: LoadedTable) -> dict[str, object]:
     """Return what a reader of the file must be told, by the names of the options."""
-    return table_writing.told_to_reader(result, dialect_named(again.format))
+    return conversion.told_to_reader(result, dialect_named(again.format))
 
 
 def print_written(out: Path, result: Written, again: LoadedTable, difference: float) -> None:
@@ -348,6 +348,6 @@ def print_written(out: Path, result: Written, again: LoadedTable, difference: fl
         f"{table.units.value}, corrections up to {table.max_correction():.6g}"
     )
     print_lines(f"not in the file: {loss}" for loss in result.losses)
-    print_lines(table_writing.reader_lines(result, dialect_named(again.format)))
+    print_lines(conversion.reader_lines(result, dialect_named(again.format)))
     print_lines(finding_line(str(out), lint) for lint in again.lints)
     typer.echo(f"largest difference of a correction after reading it back: {difference:.3g}")

@@ -7,15 +7,8 @@ from typing import Annotated, Final
 import typer
 
 from gateway.cli import survey_files as shared
-from gateway.cli.evaluation_output import (
-    PREDICTED,
-    evidence_json,
-    predicted_json,
-    results_json,
-    results_text,
-)
 from gateway.cli.table_options import AsJson, AxisLetter, Counts
-from gateway.cli.table_output import print_json, print_lines
+from gateway.cli.table_output import PREDICTED, print_json, print_lines, results_text
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.circumstances import check_uncorrected
 from gateway.metrology.doubts import doubts_of
@@ -26,6 +19,7 @@ from gateway.metrology.lead import longest
 from gateway.metrology.readings import Survey
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
+from gateway.metrology.results import evidence_json, predicted_json, results_json
 from gateway.metrology.scale import check_scale
 from gateway.metrology.shapes import Fit, LeftOut
 from gateway.metrology.understood import understood

@@ -10,15 +10,6 @@ from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
 from gateway.cli.table_options import AsJson, Target, Told, Wanted, takes_file_options
 from gateway.cli.table_reading import inspect, problems, usage
-from gateway.cli.table_writing import (
-    Converted,
-    converted,
-    is_modulo,
-    reader_lines,
-    told_to_reader,
-    turns_lost,
-    write,
-)
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -31,6 +22,15 @@ from gateway.tabfile import (
     WriteOptions,
     axis_of_name,
     dialect_named,
+)
+from gateway.tabfile.conversion import (
+    Converted,
+    converted,
+    is_modulo,
+    reader_lines,
+    told_to_reader,
+    turns_lost,
+    write,
 )
 from gateway.tabfile.options import MAX_SCALE, MIN_SCALE
 from gateway.tabfile.resampling import Resampled, resample, tidied

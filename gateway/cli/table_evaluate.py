@@ -7,12 +7,11 @@ from typing import Annotated, Final
 
 import typer
 
-from gateway.cli import judgement_output as judged
 from gateway.cli import survey_files as shared
-from gateway.cli.evaluation_output import PREDICTED, predicted_json, results_json, results_text
 from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
-from gateway.cli.table_output import print_json, print_lines
+from gateway.cli.table_output import PREDICTED, print_json, print_lines, results_text
 from gateway.cli.table_reading import inspect
+from gateway.metrology import results as judged
 from gateway.metrology.circumstances import check_same_axis, check_uncorrected, was_corrected
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation
@@ -55,12 +54,28 @@ def evaluate(
     period: shared.Turns = None,
     to_20c: shared.To20 = None,
     counts_per_unit: Counts = None,
-    vdi: judged.VdiWanted = False,
-    limit: judged.Limit = None,
-    u_instrument: judged.Instrument = 0.0,
-    u_alignment: judged.Misalignment = 0.0,
-    u_temperature: judged.Temperature = 0.0,
-    u_environment: judged.Environment = 0.0,
+    vdi: Annotated[
+        bool, typer.Option("--vdi-3441", help="Show P, Ps, Pa and U after VDI/DGQ 3441 too.")
+    ] = False,
+    limit: Annotated[
+        float | None,
+        typer.Option("--limit", help="In µm (arcsec): say whether A keeps it, with the uncertainty."),
+    ] = None,
+    u_instrument: Annotated[
+        float,
+        typer.Option("--u-instrument", help="Of the instrument over the length, k = 2, in µm (arcsec)."),
+    ] = 0.0,
+    u_alignment: Annotated[
+        float,
+        typer.Option("--u-alignment", help="How far beam or scale leave the axis over its length, in mm."),
+    ] = 0.0,
+    u_temperature: Annotated[
+        float,
+        typer.Option("--u-temperature", help="Range in which the temperature of the screw lies, in K."),
+    ] = 0.0,
+    u_environment: Annotated[
+        float, typer.Option("--u-environment", help="What an hour of a drift test shows, in µm (arcsec).")
+    ] = 0.0,
     report: Annotated[
         Path | None,
         typer.Option(metavar="OUT", help="Write a report: .html, .png or .svg.", readable=False),
@@ -161,15 +176,15 @@ def _print_json(
     extra: dict[str, object],
 ) -> None:
     before, after = results
-    shown = None if after is None else results_json(after)
+    shown = None if after is None else judged.results_json(after)
     if shown is not None and is_predicted and after is not None:
-        shown |= predicted_json(after, left_out)
+        shown |= judged.predicted_json(after, left_out)
     print_json(
         {
             "readings": survey.source,
             "understood": understood(survey),
             **extra,
-            "before": results_json(before),
+            "before": judged.results_json(before),
             "after": shown,
             "is_predicted": is_predicted,
             "notes": list(notes),

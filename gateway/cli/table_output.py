@@ -2,14 +2,21 @@
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Final
 
 import typer
 
+from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.results import NAMES, left_out_line, values_of
+from gateway.metrology.shapes import LeftOut
+from gateway.metrology.standard_asks import missing_line, missing_of, title_of
+from gateway.report.findings import other_stretch
 from gateway.tabfile import Explanation, Lint, LoadedTable, SourceRow
 from gateway.tabfile.explanation import DirectionExplained
 
+PREDICTED: Final = "predicted"
+"""The title of figures that nobody measured."""
 PLAIN_WIDTH = 140
 """Columns of a rich table that does not go to a terminal."""
 
@@ -168,3 +175,69 @@ def _plain(item: Any) -> str:
     if isinstance(item, list):
         return " to ".join(f"{part:g}" for part in item)
     return f"{item:.6g}" if isinstance(item, float) else str(item)
+
+
+# --- results of readings ----------------------------------------------------------------------------------
+
+
+def results_text(
+    before: Evaluation,
+    after: Evaluation | None,
+    titles: tuple[str, str],
+    *,
+    left_out: LeftOut | None = None,
+) -> None:
+    """Print the results for a person, with the share that is left; ``left_out`` is E between the points.
+
+    Beside it stands that the predicted figures are those at the targets.
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    unit = before.units.value
+    shown_all = [each for each in (before, after) if each is not None]
+    title = next((title_of(each) for each in shown_all if missing_of(each)), title_of(before))
+    table = Table(title=f"{title}, {unit}", title_justify="left")
+    table.add_column("result")
+    shown = [(titles[0], values_of(before))] + ([(titles[1], values_of(after))] if after else [])
+    is_predicted = PREDICTED in titles
+    for title, _ in shown:
+        where = "\nat targets" if title == PREDICTED else "\n" * is_predicted
+        for way in ("forward", "backward", "both"):
+            table.add_column(f"{title}{where}\n{way}", justify="right")
+    if after:
+        table.add_column("left", justify="right")
+    comparable = after is None or not other_stretch(before, after)
+    digits = 6 if unit == "inch" else 5
+    for name, meaning in NAMES:
+        numbers = [value for _, values in shown for value in values[name]]
+        cells = ["–" if number is None else f"{round(number, digits) + 0.0:.{digits}f}" for number in numbers]
+        left = _left(numbers, 0.5 * 10**-digits)
+        table.add_row(f"{name}  {meaning}", *cells, *(left if comparable else ("–" for _ in left)))
+        if name == "E" and is_predicted:
+            table.add_row(*_between_row(before, left_out, digits))
+    Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH).print(table)
+    for line in dict.fromkeys(missing_line(each) for each in shown_all):
+        if line:
+            typer.echo(line)
+    if left_out is not None:
+        typer.echo(left_out_line(before, left_out))
+
+
+def _between_row(before: Evaluation, left_out: LeftOut | None, digits: int) -> list[str]:
+    """Return the line of what is left between the targets, where a table has none."""
+    if left_out is None or left_out.unsettled:
+        shown, left = "not known", ["–"]
+    elif left_out.e is None:
+        shown, left = f"≥ {left_out.low:.{digits}f}", ["–"]
+    else:
+        shown = f"{left_out.e:.{digits}f}"
+        left = list(_left([None, None, before.systematic, None, None, left_out.e], 0.5 * 10**-digits))
+    return ["E  between the targets", "", "", "–", "", "", shown, *left]
+
+
+def _left(numbers: list[float | None], least: float) -> Iterator[str]:
+    """Share of the result of both directions that is left; nothing has no share."""
+    if len(numbers) > 3:
+        was, now = numbers[2], numbers[5]
+        yield "–" if was is None or now is None or abs(was) < least else f"{abs(now) / abs(was):.0%}"

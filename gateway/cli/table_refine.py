@@ -8,18 +8,18 @@ import typer
 
 from gateway.cli import survey_files as shared
 from gateway.cli.arguments import TableFile
-from gateway.cli.evaluation_output import left_out_json, left_out_text
 from gateway.cli.table_options import AsJson, Told, takes_file_options
 from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
-from gateway.cli.table_writing import is_modulo, turns_lost
 from gateway.metrology.circumstances import check_corrected, check_same_axis
 from gateway.metrology.deviation import small_unit
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.refine import Points, Refined, refine_table
+from gateway.metrology.results import left_out_json, left_out_text
 from gateway.metrology.shapes import Fit
 from gateway.metrology.whole import notes_of
 from gateway.tabfile import Dialect, LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
+from gateway.tabfile.conversion import is_modulo, turns_lost
 
 OWN_OPTIONS: Final = {
     "--to-axis": "--axis",

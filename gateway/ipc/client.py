@@ -17,7 +17,7 @@ from gateway.ipc.messages import (
     decode_reply,
     encode,
 )
-from gateway.ipc.place import ROOT_UID, peer_uid
+from gateway.ipc.place import ROOT_UID, SocketError, peer_uid, socket_path
 
 TIMEOUT_S: Final = 5.0
 CHUNK_BYTES: Final = 65536
@@ -33,6 +33,10 @@ class NobodyListensError(NoGatewayError):
     """There is no gateway at the socket; every other reason is somebody who cannot be understood."""
 
 
+class NoRelayError(Exception):
+    """The relay of a gateway did not answer; why, and what to do."""
+
+
 def ask(
     path: Path, request: Request, timeout_s: float = TIMEOUT_S, *, descriptors: Sequence[int] = ()
 ) -> Reply:
@@ -46,6 +50,22 @@ def ask(
     line, lent = _said(path, request, timeout_s, descriptors)
     _close(lent)
     return _understood(path, line)
+
+
+def ask_relay(config: Path, state: Path, request: Request) -> Reply:
+    """Return the reply of the relay that runs ``config`` and keeps its state in a folder.
+
+    Raises:
+        NoRelayError: there is none.
+    """
+    try:
+        return ask(socket_path(state), request)
+    except SocketError as error:
+        raise NoRelayError(f"gateway.state: {error}") from None
+    except NobodyListensError as error:
+        raise NoRelayError(f"{error}; start it with: pitch-gateway run {config}") from None
+    except NoGatewayError as error:
+        raise NoRelayError(str(error)) from None
 
 
 def borrow(path: Path, request: Request, timeout_s: float = TIMEOUT_S) -> tuple[Reply, list[int]]:

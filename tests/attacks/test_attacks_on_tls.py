@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 
-from gateway.cli.certificates.making import role_extension
+from gateway.commissioning.certificates import role_extension
 from gateway.transport.certificates import ROLE_OID
 from gateway.transport.handshakes import AT_ONCE_OF_A_HOST, BURST_OF_A_HOST, PER_S_OF_A_HOST
 from tests.attacks.conftest import Strike

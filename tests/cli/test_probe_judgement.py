@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from gateway.cli.probing.judgement import Weight, findings_of, position_of
-from gateway.cli.probing.readings import AxisReadings, read_axis
+from gateway.commissioning.probe.judgement import Weight, findings_of, position_of
+from gateway.commissioning.probe.readings import AxisReadings, read_axis
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units

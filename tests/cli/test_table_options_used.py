@@ -8,10 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from gateway.cli.table import app
-from gateway.cli.table_writing import WRITE_OPTIONS
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import DIALECTS, Dialect, ErrorSense, TabFileError, V1Layout, WriteOptions
+from gateway.tabfile.conversion import WRITE_OPTIONS
 
 TABLE: Final = make_table([-2.0, -1.0, 0.0], [0.001, 0.002, 0.0], [0.001, 0.002, 0.0], Units.MM)
 FULL: Final = {

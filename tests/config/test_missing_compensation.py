@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.first_configuration import Answers, AxisAnswers, configuration_text
+from gateway.commissioning.first_configuration import Answers, AxisAnswers, configuration_text
 from gateway.drives import library
 from tests.config.config_bench import GOOD, edited, line_of, loaded
 

@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from gateway.cli.app import app
-from gateway.cli.serial_ports import serial_ports
+from gateway.commissioning.serial_ports import serial_ports
 from gateway.config.load import load
 from gateway.drives import library
 from tests.child import started

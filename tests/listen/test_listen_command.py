@@ -17,7 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gateway.cli.app import app
-from gateway.cli.listening.ear import Ear, Setting
+from gateway.commissioning.listen.serial_line import Ear, Setting
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
 from gateway.transport.errors import RefusedError
@@ -179,9 +179,9 @@ def test_a_proxy_passes_everything_on_and_listens(tmp_path: Path) -> None:
 
 
 def test_what_is_proposed_lacks_what_nobody_can_hear_and_nothing_else(tmp_path: Path) -> None:
-    from gateway.cli.listening.overhearing import Overhearing
-    from gateway.cli.listening.proposal import Place, proposed
-    from gateway.cli.listening.tally import Tally
+    from gateway.commissioning.listen.overhearing import Overhearing
+    from gateway.commissioning.listen.proposal import Place, proposed
+    from gateway.commissioning.listen.traffic import Tally
     from gateway.modbus.rtu import encode_rtu
 
     for frames in (oriental, unheard_of, leadshine):

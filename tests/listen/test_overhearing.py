@@ -2,8 +2,8 @@
 
 import pytest
 
-from gateway.cli.listening.ear import Setting, Trial, settings_to_try
-from gateway.cli.listening.overhearing import Overheard, Overhearing
+from gateway.commissioning.listen.overhearing import Overheard, Overhearing
+from gateway.commissioning.listen.serial_line import Setting, Trial, settings_to_try
 from gateway.modbus.rtu import encode_rtu
 from tests.listen.uart import Character, marked, received
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from gateway.cli.listening.overhearing import Overheard
-from gateway.cli.listening.recognition import likely, matches
-from gateway.cli.listening.tally import Content, PositionGuess, Tally, guesses
+from gateway.commissioning.listen.overhearing import Overheard
+from gateway.commissioning.listen.recognition import likely, matches
+from gateway.commissioning.listen.traffic import Content, PositionGuess, Tally, guesses
 from gateway.drives import library
 from gateway.drives.public import public_traffic
 from gateway.modbus.registers import WordOrder

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.measuring.columns import Columns
-from gateway.cli.measuring.errors import BadReadingError, InstrumentError
-from gateway.cli.measuring.instruments import GrowingCsv
+from gateway.commissioning.measure.errors import BadReadingError, InstrumentError
+from gateway.commissioning.measure.instruments import Columns, GrowingCsv
 
 
 async def read(tmp_path: Path, above: str, row: str, column: str = "1", delimiter: str = ",") -> float:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.measuring.errors import BadReadingError, InstrumentError
-from gateway.cli.measuring.instruments import GrowingCsv
+from gateway.commissioning.measure.errors import BadReadingError, InstrumentError
+from gateway.commissioning.measure.instruments import GrowingCsv
 from gateway.simulator.pty import Pty
 from gateway.simulator.screw import Screw
 from gateway.transport.null_modem import NullModem

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.measuring.errors import InstrumentError
-from gateway.cli.measuring.instruments import Lines
-from gateway.cli.measuring.setting import Grid, Reader, instrument_of, plan_of
+from gateway.commissioning.measure.errors import InstrumentError
+from gateway.commissioning.measure.instruments import Lines
+from gateway.commissioning.measure.measuring import Grid, Reader, instrument_of, plan_of
 from gateway.compensation.units import Units
 from gateway.config.load import load
 from gateway.exchange.plan import AxisPlan

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.measuring.outcome import outcome_of, write_table
+from gateway.commissioning.measure.outcome import outcome_of, write_table
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.config.load import Loaded, load

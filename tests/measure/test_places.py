@@ -5,12 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.measuring.errors import FileError
-from gateway.cli.measuring.outcome import (
+from gateway.commissioning.measure.errors import FileError
+from gateway.commissioning.measure.outcome import (
     check_places,
-    json_of,
     outcome_of,
-    show,
     survey_before,
     write_report,
     write_table,
@@ -92,7 +90,7 @@ def test_a_report_shows_the_table_that_was_in_use_and_not_the_next_one(tmp_path:
     ],
 )
 def test_text_json_and_report_say_what_the_new_table_leaves(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], said: str, *, is_active: bool
+    tmp_path: Path, said: str, *, is_active: bool
 ) -> None:
     _, axis = configured(tmp_path, "")
     readings = [
@@ -102,10 +100,10 @@ def test_text_json_and_report_say_what_the_new_table_leaves(
         for target in (0.0, 9.0, 22.0, 30.0, 41.0, 49.0, 60.0, 73.0, 80.0, 91.0, 100.0)
     ]
     found = outcome_of(Survey(tuple(readings), READINGS.units, "x"), axis, is_active=is_active)
-    predicted = json_of(found)["predicted"]
+    predicted = found.as_data()["predicted"]
     assert predicted["left_out_e_low_um"] < predicted["left_out_e_um"] < predicted["left_out_e_high_um"]
-    show(found)
-    assert f"will leave E = {predicted['left_out_e_um']:.2f} µm (predicted" in capsys.readouterr().out
+    lines = "\n".join(found.lines())
+    assert f"will leave E = {predicted['left_out_e_um']:.2f} µm (predicted" in lines
     report = tmp_path / "x.html"
     write_report(found, report, "x", None, force=False)
     assert said in report.read_text()

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gateway.cli.measuring.errors import FileError
-from gateway.cli.measuring.readings_file import (
+from gateway.commissioning.measure.errors import FileError
+from gateway.commissioning.measure.readings_file import (
     MeasuringPlan,
     ReadingsFile,
     check_order,

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.measuring.checks import Compensation, axis_of, controller_of
-from gateway.cli.measuring.errors import AxisError, UndrivableError
-from gateway.cli.measuring.preview import Pace, preview
-from gateway.cli.measuring.recipe import Recipe, recipe_of
-from gateway.cli.measuring.session import Place, Seen, endpoint_of
+from gateway.commissioning.measure.axis_link import Recipe, recipe_of
+from gateway.commissioning.measure.checks import Compensation, axis_of, controller_of
+from gateway.commissioning.measure.errors import AxisError, UndrivableError
+from gateway.commissioning.measure.session import Pace, Place, Seen, endpoint_of, preview
 from gateway.config.load import load
 from gateway.drives.library import names
 from gateway.drives.motion import Action

@@ -6,10 +6,9 @@ import tempfile
 from pathlib import Path
 from typing import Final
 
-from gateway.cli.demonstration.cycle import run_round
-from gateway.cli.demonstration.story import REPORT_RUNS, report_of
-from gateway.cli.demonstration.view import Listener
 from gateway.cli.table_plot import story_of
+from gateway.commissioning.demo.cycle import Listener, run_round
+from gateway.commissioning.demo.result import REPORT_RUNS, report_of
 from gateway.report.story import Report
 from gateway.report.writing import write_report
 from gateway.tabfile import FileContext, inspect_table

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gateway.cli.app import app
-from gateway.cli.measuring.instruments import SerialGauge
+from gateway.commissioning.measure.instruments import SerialGauge
 from gateway.metrology.gauge_kinds import GaugeKind
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import ModbusMaster

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from gateway.cli.table_writing import Converted, converted
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import DIALECTS, ErrorSense, WriteOptions, dialect_named, parse_table
+from gateway.tabfile.conversion import Converted, converted
 from gateway.tabfile.resampling import resample
 from tests.soak import repeated
 

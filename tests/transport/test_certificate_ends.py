@@ -8,7 +8,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateway.catalogue.entry import EventEntry
-from gateway.cli.certificates.making import make_authority, make_leaf, make_list
+from gateway.commissioning.certificates import make_authority, make_leaf, make_list
 from gateway.transport.certificates import SOON, Endings, read_held
 
 BORN = datetime(2026, 3, 1, 12, tzinfo=UTC)

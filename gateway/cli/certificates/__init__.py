@@ -1,1 +1,0 @@
-"""Making certificates for Modbus/TCP Security, and saying what is in them."""

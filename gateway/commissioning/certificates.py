@@ -1,0 +1,358 @@
+"""Certificates for Modbus/TCP Security: an authority, what it signs, its folder, and what is in a file.
+
+P-256 throughout: a handshake with it costs less than one with RSA of 2048 bits and a fifth of one with 4096,
+and everything that speaks TLS 1.2 knows it. Nothing in a folder is ever overwritten, but its list.
+"""
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any, Final
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    load_pem_private_key,
+)
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from gateway.files import FileRefusedError, read_regular_file
+from gateway.state.folder import write_whole
+from gateway.transport.certificates import ROLE_OID, Facts, list_ends, read_facts, write_role
+
+AUTHORITY_DAYS: Final = 3650
+LEAF_DAYS: Final = 825
+"""What operating systems and browsers took at most when these rules were made; a year more than most need."""
+SKEW: Final = timedelta(hours=1)
+"""A certificate is good a little before it was made: clocks of machines differ."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signed:
+    """A certificate with its key."""
+
+    certificate: x509.Certificate
+    key: ec.EllipticCurvePrivateKey
+
+
+def make_authority(name: str, now: datetime, days: float = AUTHORITY_DAYS) -> Signed:
+    """Make an authority that signs itself."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = _name(name)
+    builder = _builder(subject, subject, key, now, now + timedelta(days=days))
+    certificate = (
+        builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(_usage(signs=True), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    return Signed(certificate, key)
+
+
+def make_server(authority: Signed, name: str, hosts: Sequence[str], now: datetime) -> Signed:
+    """Make the certificate of a gateway that is reached by ``hosts``, names or addresses."""
+    names = x509.SubjectAlternativeName([_general_name(host) for host in hosts])
+    return make_leaf(authority, name, [ExtendedKeyUsageOID.SERVER_AUTH], [names], now)
+
+
+def make_controller(authority: Signed, name: str, role: str, now: datetime) -> Signed:
+    """Make the certificate of a controller with a role."""
+    return make_leaf(authority, name, [ExtendedKeyUsageOID.CLIENT_AUTH], [role_extension(role)], now)
+
+
+def role_extension(role: str) -> x509.UnrecognizedExtension:
+    """Return the extension that holds a role."""
+    return x509.UnrecognizedExtension(x509.ObjectIdentifier(ROLE_OID), write_role(role))
+
+
+def make_leaf(
+    authority: Signed,
+    name: str,
+    usages: Iterable[x509.ObjectIdentifier],
+    extensions: Iterable[x509.ExtensionType],
+    now: datetime,
+    *,
+    days: float = LEAF_DAYS,
+) -> Signed:
+    """Make a certificate that may sign nothing; it never outlives its authority."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    issuer = authority.certificate
+    ends = min(now + timedelta(days=days), issuer.not_valid_after_utc)
+    builder = (
+        _builder(_name(name), issuer.subject, key, now, ends)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_usage(signs=False), critical=True)
+        .add_extension(x509.ExtendedKeyUsage(usages), critical=False)
+        .add_extension(_authority_key(issuer), critical=False)
+    )
+    for extension in extensions:
+        builder = builder.add_extension(extension, critical=False)
+    return Signed(builder.sign(authority.key, hashes.SHA256()), key)
+
+
+def make_list(authority: Signed, revoked: Iterable[tuple[int, datetime]], now: datetime) -> bytes:
+    """Return a list of serials that were revoked, each with when, in PEM.
+
+    It is good as long as its authority: one that ended sooner, and that nobody renewed in time, would lock
+    every controller out.
+    """
+    issuer = authority.certificate
+    builder = (
+        x509.CertificateRevocationListBuilder()
+        .issuer_name(issuer.subject)
+        .last_update(now - SKEW)
+        .next_update(issuer.not_valid_after_utc)
+        .add_extension(_authority_key(issuer), critical=False)
+        .add_extension(x509.CRLNumber(int(now.timestamp() * 1000)), critical=False)
+    )
+    for serial, when in revoked:
+        entry = x509.RevokedCertificateBuilder().serial_number(serial).revocation_date(when).build()
+        builder = builder.add_revoked_certificate(entry)
+    return builder.sign(authority.key, hashes.SHA256()).public_bytes(Encoding.PEM)
+
+
+def _builder(
+    subject: x509.Name,
+    issuer: x509.Name,
+    key: ec.EllipticCurvePrivateKey,
+    now: datetime,
+    ends: datetime,
+) -> x509.CertificateBuilder:
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(min(now, ends) - SKEW)
+        .not_valid_after(ends)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+    )
+
+
+def _name(name: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+
+
+def _authority_key(issuer: x509.Certificate) -> x509.AuthorityKeyIdentifier:
+    own = issuer.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
+    return x509.AuthorityKeyIdentifier.from_issuer_subject_key_identifier(own)
+
+
+def _general_name(host: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ip_address(host))
+    except ValueError:
+        return x509.DNSName(host)
+
+
+def _usage(*, signs: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not signs,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        key_cert_sign=signs,
+        crl_sign=signs,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+AUTHORITY: Final = "ca"
+LIST_NAME: Final = "crl.pem"
+LARGEST: Final = 4_000_000
+"""Bytes."""
+KEY_MODE: Final = 0o600
+CERTIFICATE_MODE: Final = 0o644
+FOLDER_MODE: Final = 0o700
+
+
+class FolderError(Exception):
+    """What cannot be done in a folder, and what to do about it."""
+
+
+def found_authority(folder: Path, make: Callable[[], Signed], now: datetime) -> tuple[Path, ...]:
+    """Write a new authority and its list, in which nothing is; returns the files.
+
+    Raises:
+        FolderError: there is one already, or the folder cannot be written.
+    """
+    try:
+        folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
+    except OSError as error:
+        raise FolderError(f"{folder} cannot be made: {error.strerror or error}") from None
+    _refuse_existing(folder, LIST_NAME)
+    signed = make()
+    files = write_signed(folder, AUTHORITY, signed)
+    _write_new(folder / LIST_NAME, make_list(signed, (), now), CERTIFICATE_MODE)
+    return (*files, folder / LIST_NAME)
+
+
+def read_authority(folder: Path, now: datetime) -> Signed:
+    """Return the authority of a folder.
+
+    Raises:
+        FolderError: there is none, it cannot be read, or it has expired.
+    """
+    paths = folder / f"{AUTHORITY}.pem", folder / f"{AUTHORITY}.key"
+    try:
+        content, key_content = (read_regular_file(path, LARGEST, "an authority") for path in paths)
+        certificate = x509.load_pem_x509_certificate(content)
+        key = load_pem_private_key(key_content, None)
+    except FileRefusedError as error:
+        raise FolderError(
+            f"{folder}: no authority ({paths[0].name}, {paths[1].name}): {error.found}; "
+            f"make one with: pitch-gateway certificate ca {folder}"
+        ) from None
+    except (ValueError, TypeError) as error:
+        raise FolderError(f"{folder}: its authority cannot be read: {error}") from None
+    if not isinstance(key, ec.EllipticCurvePrivateKey):
+        raise FolderError(f"{paths[1]}: not a key that this command made; use the tool that made it")
+    if certificate.not_valid_after_utc <= now:
+        ended = certificate.not_valid_after_utc.date().isoformat()
+        raise FolderError(f"{paths[0]} expired on {ended}; make a new authority in another folder")
+    return Signed(certificate, key)
+
+
+def write_signed(folder: Path, name: str, signed: Signed) -> tuple[Path, Path]:
+    """Write a certificate and its key; returns both files.
+
+    Raises:
+        FolderError: one of them is there already, or cannot be written.
+    """
+    certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
+    for path in (certificate, key):
+        _refuse_existing(folder, path.name)
+    content = signed.key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    _write_new(key, content, KEY_MODE)
+    try:
+        _write_new(certificate, signed.certificate.public_bytes(Encoding.PEM), CERTIFICATE_MODE)
+    except FolderError:
+        key.unlink()
+        raise
+    return certificate, key
+
+
+def revoke(folder: Path, name: str, now: datetime) -> Path:
+    """Put a certificate into the list of the folder's authority; returns the list.
+
+    Raises:
+        FolderError: no such certificate, not of this authority, or in the list already.
+    """
+    authority = read_authority(folder, now)
+    path, list_path = folder / f"{name}.pem", folder / LIST_NAME
+    try:
+        certificate = x509.load_pem_x509_certificate(read_regular_file(path, LARGEST, "a certificate"))
+        before = _revoked(list_path)
+        certificate.verify_directly_issued_by(authority.certificate)
+    except FileRefusedError as error:
+        raise FolderError(f"{path}: {error}") from None
+    except (ValueError, TypeError, InvalidSignature) as error:
+        raise FolderError(f"{path}: not a certificate of the authority of {folder} ({error})") from None
+    if certificate.serial_number in (serial for serial, _ in before):
+        raise FolderError(f"{path}: is in {list_path} already")
+    content = make_list(authority, [*before, (certificate.serial_number, now)], now)
+    try:
+        write_whole(list_path, content)
+        list_path.chmod(CERTIFICATE_MODE)
+    except OSError as error:
+        raise FolderError(f"{list_path} cannot be written: {error.strerror or error}") from None
+    return list_path
+
+
+def _revoked(path: Path) -> list[tuple[int, datetime]]:
+    if not path.exists():
+        return []
+    content = read_regular_file(path, LARGEST, "a list of revoked certificates")
+    return [(each.serial_number, each.revocation_date_utc) for each in x509.load_pem_x509_crl(content)]
+
+
+def _refuse_existing(folder: Path, name: str) -> None:
+    if os.path.lexists(folder / name):
+        raise FolderError(
+            f"{folder / name} exists already, and is not overwritten; move it away, or take another name"
+        )
+
+
+def _write_new(path: Path, content: bytes, mode: int) -> None:
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+        with open(descriptor, "wb") as file:  # noqa: PTH123 - a descriptor
+            os.fchmod(file.fileno(), mode)  # whatever the umask takes away or leaves
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise FolderError(f"{path} cannot be written: {error.strerror or error}") from None
+
+
+def shown(path: Path, now: datetime) -> dict[str, Any]:
+    """Return what is in a file, as data.
+
+    Raises:
+        FileRefusedError: it cannot be read, or holds neither certificates nor a list of revoked ones.
+    """
+    try:
+        return {"certificates": [_as_data(each, now) for each in read_facts(path)]}
+    except FileRefusedError as error:
+        try:
+            count, ends = list_ends(path)
+        except FileRefusedError:
+            raise error from None
+    return {"revoked": count, "until": None if ends is None else ends.isoformat()}
+
+
+def lines(found: dict[str, Any]) -> Iterator[str]:
+    """Yield the same for people."""
+    if "revoked" in found:
+        yield f"a list of revoked certificates: {found['revoked']}, good until {str(found['until'])[:10]}"
+        return
+    for number, each in enumerate(found["certificates"]):
+        if number:
+            yield ""
+        yield f"{each['kind']}: {each['subject']}"
+        if each["role"]:
+            yield f"  role    {each['role']}"
+        elif each["kind"] == "controller":
+            yield f"  role    none: {each['why_no_role']}"
+        if each["hosts"]:
+            yield f"  hosts   {', '.join(each['hosts'])}"
+        days = f"{each['days_left']} days left" if each["days_left"] >= 0 else "expired"
+        yield f"  good    from {each['from'][:10]} until {each['until'][:10]} ({days})"
+        yield f"  key     {each['key']}{', too weak: ' + each['weakness'] if each['weakness'] else ''}"
+        yield f"  serial  {each['serial']}"
+        yield f"  signed  by {each['issuer']}"
+
+
+def _as_data(facts: Facts, now: datetime) -> dict[str, Any]:
+    return {
+        "kind": _kind(facts),
+        "subject": facts.subject,
+        "role": facts.role or None,
+        "why_no_role": facts.why_no_role or None,
+        "hosts": list(facts.hosts),
+        "from": facts.begins.isoformat(),
+        "until": facts.ends.isoformat(),
+        "days_left": (facts.ends - now).days,
+        "key": facts.key,
+        "weakness": facts.weakness or None,
+        "serial": facts.serial,
+        "issuer": facts.issuer,
+    }
+
+
+def _kind(facts: Facts) -> str:
+    if facts.is_authority:
+        return "authority"
+    if facts.names_purpose and facts.is_for_servers:
+        return "server"
+    return "controller" if facts.is_for_clients else "certificate"

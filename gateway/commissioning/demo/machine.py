@@ -1,0 +1,372 @@
+"""The machine of the demonstration: three axes on real sockets and pseudo terminals, with their controllers.
+
+Each is wired and counted in another way. What a retrofitter would write for it, gateway.toml and one .tab
+file for each axis, is made here too.
+"""
+
+import random
+import socket
+from collections.abc import AsyncIterator, Callable, Iterable
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+from enum import Enum
+from math import floor, log10
+from pathlib import Path
+from random import Random
+from typing import Final, Self
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.table import CorrectionTable
+from gateway.compensation.units import Units
+from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
+from gateway.simulator.axis import AxisRegisters, SimulatedAxis
+from gateway.simulator.bus import DriveBus
+from gateway.simulator.clock import SimulationClock
+from gateway.simulator.controller import AxisController, AxisWiring
+from gateway.simulator.drive import SimulatedDrive
+from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
+from gateway.simulator.laser import Laser
+from gateway.simulator.mechanics import Encoder, Mechanics, unit_mm
+from gateway.simulator.motion import Dynamics
+from gateway.simulator.pty import Pty
+from gateway.simulator.screw import worn_screw
+from gateway.tabfile import WriteOptions, dialect_named
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.master import ModbusMaster
+from gateway.transport.null_modem import NullModem
+
+OVERRUN_MM: Final = 1.0
+"""How far the axis turns round outside the table: more than any lost motion."""
+MOVED: Final = 0.3
+"""So many steps at most a target lies off a point of the table: ISO 230-2 asks for irregular targets."""
+
+
+class Cable(Enum):
+    """What a cable carries."""
+
+    TCP = "tcp"
+    RTU = "rtu"
+
+
+@dataclass(frozen=True, slots=True)
+class AxisSpec:
+    """One axis; lengths in its ``units``.
+
+    The table runs from ``low`` to ``high`` with a point every ``step``; one of both ends is home, 0.
+    """
+
+    name: str
+    controller: Cable
+    drive: Cable
+    units: Units
+    counts_per_unit: float
+    zero_counts: int
+    low: float
+    high: float
+    step: float
+    lead_mm: float
+    unit_id: int
+    registers: AxisRegisters
+
+    @property
+    def mm(self) -> float:
+        """Millimetres of one unit."""
+        return unit_mm(self.units)
+
+    @property
+    def overrun(self) -> float:
+        """Overrun at both ends, in units."""
+        return OVERRUN_MM / self.mm
+
+    @property
+    def home_direction(self) -> Direction:
+        """Direction of the last move of homing: away from the end of travel where the home switch is."""
+        return Direction.FORWARD if self.low == 0.0 else Direction.BACKWARD
+
+    @property
+    def measured(self) -> list[float]:
+        """Where the laser measures, lowest first: both ends, and irregular targets between them."""
+        count = round((self.high - self.low) / self.step)
+        random = Random(self.name)
+        digits = 1 - floor(log10(self.step / 10))
+        inner = (self.low + (i + random.uniform(-MOVED, MOVED)) * self.step for i in range(1, count))
+        return [self.low, *(round(x, digits) for x in inner), self.high]
+
+    @property
+    def wiring(self) -> AxisWiring:
+        """What the controller knows of the axis."""
+        registers = self.registers
+        return AxisWiring(
+            self.unit_id,
+            registers.command[0],
+            registers.actual[0],
+            registers.bits["done"],
+            self.counts_per_unit,
+            self.zero_counts,
+        )
+
+    @property
+    def title(self) -> str:
+        """Name and cables, for a person."""
+        return f"{self.name}: {self.controller.value} → gateway → {self.drive.value}"
+
+
+def _registers(command: int, actual: int, status: int, order: WordOrder) -> AxisRegisters:
+    return AxisRegisters(
+        command=(PositionField(command, RegisterType.INT32, order),),
+        actual=(PositionField(actual, RegisterType.INT32, order),),
+        bits={"done": BitField(status, 4), "homed": BitField(status, 8), "moving": BitField(status, 1)},
+    )
+
+
+AXES: Final = (
+    AxisSpec(
+        name="x",
+        controller=Cable.TCP,
+        drive=Cable.TCP,
+        units=Units.MM,
+        counts_per_unit=2000.0,
+        zero_counts=0,
+        low=-300.0,
+        high=0.0,
+        step=10.0,
+        lead_mm=5.0,
+        unit_id=1,
+        registers=_registers(0x0606, 0x0520, 0x005C, WordOrder.LOW_FIRST),
+    ),
+    AxisSpec(
+        name="y",
+        controller=Cable.RTU,
+        drive=Cable.RTU,
+        units=Units.MM,
+        counts_per_unit=1000.0,
+        zero_counts=0,
+        low=0.0,
+        high=250.0,
+        step=10.0,
+        lead_mm=10.0,
+        unit_id=2,
+        registers=_registers(0x6201, 0x602C, 0x1003, WordOrder.HIGH_FIRST),
+    ),
+    AxisSpec(
+        name="z",
+        controller=Cable.TCP,
+        drive=Cable.RTU,
+        units=Units.INCH,
+        counts_per_unit=-50_000.0,
+        zero_counts=120_000,
+        low=-8.0,
+        high=0.0,
+        step=0.4,
+        lead_mm=5.08,
+        unit_id=3,
+        registers=_registers(0x4000, 0x3700, 0x3200, WordOrder.LOW_FIRST),
+    ),
+)
+
+
+LOOPBACK: Final = "127.0.0.1"
+PATIENCE_MS: Final = 10_000.0
+"""Nobody gives up early: a busy computer may make a whole demonstration stand still for seconds."""
+LASER_NOISE_UM: Final = 0.1
+BACKLASH_UM: Final = (25.0, 45.0)
+DYNAMICS: Final = Dynamics(speed_mm_s=200.0, acceleration_mm_s2=4000.0)
+
+
+class RigAxis:
+    """One axis of the machine, and both of its cables."""
+
+    def __init__(self, spec: AxisSpec, seed: int, clock: SimulationClock) -> None:
+        rng = random.Random(f"{seed}/{spec.name}")
+        self.spec = spec
+        self.clock = clock
+        self.mechanics = Mechanics(
+            worn_screw(rng, spec.low * spec.mm, (spec.high - spec.low) * spec.mm, spec.lead_mm),
+            Encoder(spec.counts_per_unit / spec.mm, spec.zero_counts),
+            backlash_mm=rng.uniform(*BACKLASH_UM) / 1000.0,
+            dynamics=DYNAMICS,
+        )
+        self.laser = Laser(self.mechanics, noise_um=LASER_NOISE_UM, seed=rng.getrandbits(32))
+        self.target_rng = rng
+        self.drive_address = ""
+        """Where the gateway finds the drive: HOST:PORT, or the path of a port."""
+        self.controller_address = ""
+        """What the gateway opens for the controller."""
+        self._controller_end: TcpEndpoint | SerialEndpoint | None = None
+        self._exits = AsyncExitStack()
+
+    async def open(self) -> None:
+        """Bring the drive onto its cable and lay the controller's."""
+        axis = SimulatedAxis(self.spec.name, self.spec.registers, self.mechanics)
+        bus = DriveBus([SimulatedDrive(self.spec.unit_id, [axis])])
+        if self.spec.drive is Cable.TCP:
+            tcp = TcpDriveServer(bus, self.clock, host=LOOPBACK)
+            await tcp.start()
+            self._exits.push_async_callback(tcp.stop)
+            self.drive_address = f"{LOOPBACK}:{tcp.port}"
+        else:
+            pty = Pty()
+            self._exits.callback(pty.close)
+            self._exits.callback(SerialDriveServer(bus, self.clock, pty.master_fd).close)
+            self.drive_address = pty.path
+        if self.spec.controller is Cable.TCP:
+            self._controller_end = TcpEndpoint(LOOPBACK, free_port())
+            self.controller_address = str(self._controller_end)
+        else:
+            cable = NullModem()
+            self._exits.callback(cable.close)
+            self._controller_end = SerialEndpoint(cable.far)
+            self.controller_address = cable.near
+
+    async def close(self) -> None:
+        """Take everything away."""
+        await self._exits.aclose()
+
+    @asynccontextmanager
+    async def controller(self) -> AsyncIterator[AxisController]:
+        """Connect the controller to the gateway, which must be running."""
+        assert self._controller_end is not None
+        async with ModbusMaster(self._controller_end, PATIENCE_MS) as master:
+            yield AxisController(master, self.spec.wiring)
+
+
+class Rig:
+    """All axes; enter it to have them on their cables."""
+
+    def __init__(self, specs: tuple[AxisSpec, ...], seed: int, clock: Callable[[], float]) -> None:
+        self.axes = tuple(RigAxis(spec, seed, clock) for spec in specs)
+
+    async def __aenter__(self) -> Self:
+        """Open everything."""
+        for axis in self.axes:
+            await axis.open()
+        return self
+
+    async def __aexit__(self, *exc_info: object) -> None:
+        """Close everything."""
+        for axis in self.axes:
+            await axis.close()
+
+
+def free_port() -> int:
+    """Return a TCP port that nobody listens on now."""
+    with socket.create_server((LOOPBACK, 0)) as listener:
+        port: int = listener.getsockname()[1]
+    return port
+
+
+CONFIGURATION_NAME: Final = "gateway.toml"
+TABLES_FOLDER: Final = "tables"
+TABLE_FORMAT: Final = "centroid-3"
+
+_HEAD: Final = """\
+# Written by pitch-gateway demo. Ports and device paths belong to that one run.
+[gateway]
+name = "demo"
+tables = "{tables}"
+
+[http]
+listen = ""
+"""
+_LINE: Final = """
+[line.{name}]
+drives = {{ {drive} = "{drive_address}" }}
+response_timeout_ms = {patience_ms}
+
+[[line.{name}.controllers]]
+name = "controller-{name}"
+{controller} = "{controller_address}"
+timeout_ms = {patience_ms}
+"""
+_AXIS: Final = """
+[axis.{name}]
+line = "{name}"
+unit_id = {unit_id}
+units = "{units}"
+counts_per_unit = {counts_per_unit}
+zero_counts = {zero_counts}
+travel = [{low}, {high}]
+referenced = "drive-bit"
+home_approach = "{home_approach}"
+"""
+_REGISTERS: Final = """
+[axis.{name}.registers]
+command = [{command}]
+actual = [{actual}]
+bits = {{ {bits} }}
+"""
+
+
+def table_name(spec: AxisSpec) -> str:
+    """File name of an axis's table, as the old control would look for it."""
+    return f"cnc10{spec.name}.tab"
+
+
+def write_table(folder: Path, axis: RigAxis, table: CorrectionTable) -> Path:
+    """Write a table as a Centroid version 3 file and return its path."""
+    path = folder / TABLES_FOLDER / table_name(axis.spec)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = dialect_named(TABLE_FORMAT).write(table, WriteOptions(axis=axis.spec.name)).text
+    path.write_text(text, encoding="ascii")
+    return path
+
+
+def write_configuration(folder: Path, axes: Iterable[RigAxis], *, corrected: bool) -> Path:
+    """Write gateway.toml, with the tables in use or without, and return its path."""
+    text = _HEAD.format(tables=TABLES_FOLDER)
+    for axis in axes:
+        text += _line(axis) + _axis(axis, corrected=corrected) + _registers_text(axis)
+    path = folder / CONFIGURATION_NAME
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def _line(axis: RigAxis) -> str:
+    spec = axis.spec
+    rtu = '", baudrate = 115200, parity = "even'
+    drive_address = axis.drive_address + (rtu if spec.drive is Cable.RTU else "")
+    line = _LINE.format(
+        name=spec.name,
+        drive=spec.drive.value,
+        drive_address=drive_address,
+        controller=spec.controller.value,
+        controller_address=axis.controller_address,
+        patience_ms=PATIENCE_MS,
+    )
+    return line + ('baudrate = 38400\nparity = "even"\n' if spec.controller is Cable.RTU else "")
+
+
+def _axis(axis: RigAxis, *, corrected: bool) -> str:
+    spec = axis.spec
+    margin = 2 * spec.overrun
+    text = _AXIS.format(
+        name=spec.name,
+        unit_id=spec.unit_id,
+        units=spec.units.value,
+        counts_per_unit=spec.counts_per_unit,
+        zero_counts=spec.zero_counts,
+        low=spec.low - margin,
+        high=spec.high + margin,
+        home_approach=spec.home_direction.name.lower(),
+    )
+    if corrected:
+        return text + f'table = "{table_name(axis.spec)}"\ncompensation = "on"\n'
+    return text + 'compensation = "off"\n'
+
+
+def _registers_text(axis: RigAxis) -> str:
+    registers = axis.spec.registers
+    return _REGISTERS.format(
+        name=axis.spec.name,
+        command=_position(registers.command[0]),
+        actual=_position(registers.actual[0]),
+        bits=", ".join(f"{name} = {_bit(bit)}" for name, bit in registers.bits.items()),
+    )
+
+
+def _position(field: PositionField) -> str:
+    return f'{{ address = {field.address:#06x}, type = "{field.type.value}", words = "{field.order.value}" }}'
+
+
+def _bit(bit: BitField) -> str:
+    return f"{{ address = {bit.address:#06x}, bit = {bit.bit} }}"

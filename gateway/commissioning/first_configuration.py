@@ -1,0 +1,415 @@
+"""A first configuration: one line, one controller, its axes, with a comment on each choice.
+
+A :class:`Draft` takes one answer after the other, judged by the rules of the configuration that they make.
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from gateway.config.drive_files import read_profile
+from gateway.config.load import problems_of_draft
+from gateway.config.problems import Problem
+from gateway.config.values import read_name
+from gateway.drives import library
+from gateway.drives.profile import Profile, Tier
+
+DELETE: Final = "\x7f"
+RTU_OVER_TCP: Final = "rtu://"
+
+
+class Serial(NamedTuple):
+    """How serial ports are to be set; None: as the drive is when it is new."""
+
+    baudrate: int | None = None
+    parity: str | None = None
+    stop_bits: int | None = None
+
+
+AS_WHEN_NEW: Final = Serial()
+USUAL: Final = Serial(19200, "none", 1)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisAnswers:
+    """What has to be known of an axis. Lengths in ``units``."""
+
+    name: str
+    drive: str
+    profile: Profile
+    """Of :attr:`drive`."""
+    unit_id: int
+    units: str
+    counts_per_unit: float
+    travel: tuple[float, float]
+    referenced: str
+    home_approach: str = "none"
+    table: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What has to be known before a configuration can be written."""
+
+    drives_at: str
+    """A path from /, HOST:PORT, or rtu://HOST:PORT."""
+    controller_at: str
+    axes: tuple[AxisAnswers, ...]
+    name: str = "gateway"
+    drives_serial: Serial = USUAL
+    """Of their port, where it is a serial one."""
+    controller_serial: Serial = USUAL
+    timing: tuple[str, ...] = ()
+    """Lines of the line, as ``response_timeout_ms = 50``: measured, where they are there."""
+    state: str | None = None
+    """Where the gateway keeps its state, where that is not beside the configuration."""
+
+
+def configuration_text(answers: Answers) -> str:
+    """Return the configuration with its comments."""
+    axes = "\n\n".join("\n".join((*_axis(axis), "")) for axis in answers.axes)
+    return "\n".join((*_head(answers), *_line(answers), axes))
+
+
+def serial_of(asked: Serial, profile: Profile) -> Serial:
+    """Return how serial ports are set: as asked, else as the drive is when it is new."""
+    known = profile.serial
+    return Serial(
+        asked.baudrate or known.baudrate or USUAL.baudrate,
+        asked.parity or known.parity or USUAL.parity,
+        asked.stop_bits or known.stop_bits or USUAL.stop_bits,
+    )
+
+
+PARITIES: Final = {"N": "none", "E": "even", "O": "odd"}
+FORMAT_RULE: Final = (
+    'allowed: baud rate, data bits, parity and stop bits as manuals write them, as in "115200 8E1"; or '
+    '"115200 even 1"; a baud rate alone, as in "38400", leaves parity and stop bits as offered'
+)
+
+
+def serial_format(text: str, offered: Serial = USUAL) -> Serial:
+    """Return the settings of a serial port as a person writes them; a baud rate alone changes ``offered``.
+
+    Raises:
+        ValueError: it is not understood; says what is allowed.
+
+    >>> serial_format("115200 8E1"), serial_format("9600 none 2")
+    (Serial(baudrate=115200, parity='even', stop_bits=1), Serial(baudrate=9600, parity='none', stop_bits=2))
+    >>> serial_format("38400", Serial(9600, "even", 1))
+    Serial(baudrate=38400, parity='even', stop_bits=1)
+    """
+    if text.strip().isdecimal():
+        return offered._replace(baudrate=int(text))
+    short = re.fullmatch(r"(\d+)[ ,/-]+8[ ,/-]?([NEO])[ ,/-]?([12])", text.strip().upper())
+    if short is not None:
+        return Serial(int(short[1]), PARITIES[short[2]], int(short[3]))
+    long = re.fullmatch(r"(\d+)[ ,]+(none|even|odd)[ ,]+([12])", text.strip().lower())
+    if long is None:
+        raise ValueError(f'found "{text}"; {FORMAT_RULE}')
+    return Serial(int(long[1]), long[2], int(long[3]))
+
+
+def format_words(serial: Serial) -> str:
+    """Return the settings of a serial port as manuals write them.
+
+    >>> format_words(USUAL)
+    '19200 8N1'
+    """
+    letter = next(letter for letter, parity in PARITIES.items() if parity == serial.parity)
+    return f"{serial.baudrate} 8{letter}{serial.stop_bits}"
+
+
+def _quoted(text: str) -> str:
+    """JSON's strings are TOML's, but for one character that TOML wants escaped."""
+    return json.dumps(text, ensure_ascii=False).replace(DELETE, "\\u007F")
+
+
+def _one_line(text: str) -> str:
+    """A comment ends with its line."""
+    return " ".join(text.split())
+
+
+def endpoint(place: str, serial: Serial) -> dict[str, object]:
+    """Return the keys of a place with their values.
+
+    >>> endpoint("rtu://10.0.0.5:4001", USUAL)
+    {'rtu_over_tcp': '10.0.0.5:4001'}
+    """
+    if place.startswith(RTU_OVER_TCP):
+        return {"rtu_over_tcp": place.removeprefix(RTU_OVER_TCP)}
+    if not place.startswith("/"):
+        return {"tcp": place}
+    return {"rtu": place, **serial._asdict()}
+
+
+def _endpoint(place: str, serial: Serial) -> list[str]:
+    return [
+        f"{key} = {_quoted(value) if isinstance(value, str) else value}"
+        for key, value in endpoint(place, serial).items()
+    ]
+
+
+def _head(answers: Answers) -> list[str]:
+    state = answers.state
+    kept = () if state is None else (f"state = {_quoted(state)}  # where the service may write",)
+    return [
+        "# Written by `pitch-gateway init`. docs/configuration.md has every key. Check it after each change",
+        "# with `pitch-gateway check`.",
+        "#",
+        "# The controller's own compensation and backlash are said to be off. With both at work the error of",
+        "# the screw would be taken out twice.",
+        "",
+        "[gateway]",
+        f"name = {_quoted(answers.name)}",
+        'tables = "tables"          # folder with the table files, relative to this file',
+        *kept,
+        "",
+        "[http]",
+        'listen = "127.0.0.1:8480"  # the page beside the machine; "" for none',
+        "",
+        "# [mqtt]                   # status and events to a broker: docs/mqtt.md",
+        '# host = "127.0.0.1"',
+        "",
+        "",
+    ]
+
+
+def _line(answers: Answers) -> list[str]:
+    return [
+        "[line.main]",
+        "# A path from /dev/serial/by-id stays the same when adapters are replugged.",
+        f"drives = {{ {', '.join(_endpoint(answers.drives_at, answers.drives_serial))} }}",
+        *(("# Measured: pitch-gateway probe --timing",) if answers.timing else ()),
+        *answers.timing,
+        "",
+        "[[line.main.controllers]]",
+        'name = "controller"',
+        *_endpoint(answers.controller_at, answers.controller_serial),
+        'role = "motion"            # may do everything; a display gets "monitor", which may only read',
+        "# timeout_ms = 1000        # after this the controller gives up; take it from its program",
+        "",
+        "",
+    ]
+
+
+def _axis(axis: AxisAnswers) -> list[str]:
+    return [
+        f"[axis.{axis.name}]",
+        'line = "main"',
+        f"unit_id = {axis.unit_id}",
+        *_drive(axis),
+        f"units = {_quoted(axis.units)}",
+        f"# {_one_line(axis.profile.counts or 'Counts of the drive in one unit.')}",
+        "# Negative where the drive counts down while the axis goes forward.",
+        f"counts_per_unit = {axis.counts_per_unit!r}",
+        "# zero_counts = 0          # count of the drive at machine position 0",
+        f"travel = [{axis.travel[0]!r}, {axis.travel[1]!r}]",
+        "# In the folder named above; without a table positions pass 1:1. How to do beyond its ends and at a",
+        "# reversal what its control did: pitch-gateway table show FILE",
+        f'# table = "{axis.name}.tab"' if axis.table is None else f"table = {_quoted(axis.table)}",
+        "# How it is known that the axis knows where it is; as long as it does not, nothing is corrected.",
+        f"referenced = {_quoted(axis.referenced)}",
+        '# Direction of the last movement of homing: "forward", "backward" or "none" (not known).',
+        f"home_approach = {_quoted(axis.home_approach)}",
+        "# max_speed = 200.0        # units/s",
+        '# "shadow" computes and shows everything and changes nothing; then "on".',
+        'compensation = "shadow"',
+    ]
+
+
+def _drive(axis: AxisAnswers) -> list[str]:
+    profile = axis.profile
+    tier = "" if profile.tier is Tier.OWN else f" (tier {profile.tier.value})"
+    return [
+        f"# {_one_line(profile.title)}{tier}. Go through its traps before the machine is run:",
+        f"# pitch-gateway drives show {_one_line(axis.drive)}",
+        f"drive = {_quoted(axis.drive)}",
+    ]
+
+
+LINE: Final = "main"
+CONTROLLER: Final = "controller"
+PLACES: Final = {
+    "drives_at": f"line.{LINE}.drives",
+    "controller_at": f"line.{LINE}.controllers",
+    "drives_format": f"line.{LINE}.drives",
+    "controller_format": f"line.{LINE}.controllers",
+    "name": "gateway.name",
+}
+"""Answers that are none of the axis: what keys they are about."""
+FORMATS: Final = {"drives_format": "drives_at", "controller_format": "controller_at"}
+"""How the serial port is set that another answer names."""
+PLACE_RULE: Final = (
+    'allowed: "HOST:PORT", as in "192.168.0.7:502", or the full path of a serial port, as in "/dev/ttyUSB0"'
+)
+ANY_PORT: Final = "/dev/ttyUSB0"
+
+
+class Draft:
+    """Takes one answer after the other, those of an axis behind its name.
+
+    An answer is known by the name that it has in ``Answers`` or ``AxisAnswers``.
+    """
+
+    def __init__(self, file: Path, drives: Serial, controller: Serial) -> None:
+        """``drives`` and ``controller``: how their serial ports are set, as far as the options say so."""
+        self.answers: dict[str, Any] = {}
+        """Those that are none of an axis."""
+        self.axes: dict[str, dict[str, Any]] = {}
+        """Those of each axis, in the order in which they were named."""
+        self.tables: dict[str, str | None] = {}
+        """The table file of each axis; looked at only in the file that is written."""
+        self.notes: list[str] = []
+        """What good answers brought to light elsewhere; it can be mended in the file."""
+        self._file = file
+        self._axis = ""
+        self._profiles: dict[str, Profile] = {}
+        self._serial = {"drives_format": drives, "controller_format": controller}
+        self._known: set[Problem] = set()
+
+    @property
+    def profile(self) -> Profile | None:
+        """Return the profile of the axis that was named last."""
+        return self._profiles.get(self._axis)
+
+    def begin_axis(self, name: str) -> None:
+        """Take the name of an axis: the answers about axes that come now are about this one.
+
+        Raises:
+            ValueError: it is no name, or the name of another axis.
+        """
+        try:
+            read_name(name)
+        except ValueError as error:
+            raise ValueError(f'found "{name}"; {error}') from None
+        if name in self.axes:
+            raise ValueError(f'found "{name}"; there is an axis {name} already: give this one another name')
+        self._axis = name
+        self.axes[name] = {}
+
+    def wrong_serial(self) -> tuple[str, Problem] | None:
+        """Return which option about a serial port is wrong, and why, whatever is asked later."""
+        for name in FORMATS:
+            tables = {"line": {LINE: {"drives": endpoint(ANY_PORT, self.serial(name))}}}
+            for problem in problems_of_draft(self._file, tables):
+                if problem.key.startswith(f"{PLACES['drives_at']}."):
+                    option = problem.key.rpartition(".")[2].replace("_", "-")
+                    return f"--{'' if name == 'drives_format' else 'controller-'}{option}", problem
+        return None
+
+    def serial(self, name: str, answers: Mapping[str, Any] | None = None) -> Serial:
+        """Return how a port is set; that of the controller is as the drives'. ``name``: of ``FORMATS``."""
+        found = (self.answers if answers is None else answers).get(name)
+        if isinstance(found, Serial):
+            return found
+        asked = self._serial[name]
+        if name == "controller_format":
+            given = {key: value for key, value in asked._asdict().items() if value is not None}
+            return self.serial("drives_format", answers)._replace(**given)
+        for profile in self._profiles.values():  # the first drive decides: all hang on one cable
+            return serial_of(asked, profile)
+        return USUAL._replace(**{key: value for key, value in asked._asdict().items() if value is not None})
+
+    @property
+    def read_address(self) -> int:
+        """Return a register that the drive can be asked for: that of its position, where that is known."""
+        places = () if self.profile is None else self.profile.registers.actual
+        return next((place.address for place in places), 0)
+
+    def wants_format(self, name: str) -> bool:
+        """Whether how a port is set has to be asked: it is a serial one, and no option said it."""
+        is_serial = str(self.answers.get(FORMATS[name], "")).startswith("/")
+        return is_serial and None in self._serial[name]
+
+    def take(self, name: str, answer: object) -> None:
+        """Take an answer.
+
+        Raises:
+            ValueError: the configuration would refuse it; says what was found and what is allowed.
+        """
+        if name in FORMATS:
+            answer = serial_format(str(answer), self.serial(name))
+        if name == "unit_id":
+            self._refuse_same_unit(answer)
+        answers, axes = self.answers, self.axes
+        if name in PLACES:
+            answers = {**answers, name: answer}
+        else:
+            axes = {**axes, self._axis: {**axes[self._axis], name: answer}}
+        problems = problems_of_draft(self._file, self._tables(answers, axes))
+        new = [problem for problem in problems if problem.found != "missing" and problem not in self._known]
+        own = [problem for problem in new if self._is_about(problem, name)]
+        if own:
+            raise ValueError("\n  ".join(_said(problem, name) for problem in own))
+        self.answers, self.axes = answers, axes
+        self._known.update(new)
+        self.notes += [f"{problem.key}: {problem.found}; {problem.remedy}" for problem in new]
+        if name == "drive":
+            self._profiles[self._axis] = _profile(str(answer), self._file.parent)
+
+    def note_table(self, file: str | None) -> None:
+        """Take the table file of the axis that was named last, None for none."""
+        self.tables[self._axis] = file
+
+    def _refuse_same_unit(self, unit_id: object) -> None:
+        """A drive of several axes has registers for each: that is written by hand."""
+        for name, answers in self.axes.items():
+            if name != self._axis and answers.get("unit_id") == unit_id:
+                raise ValueError(f"found {unit_id}; axis {name} has this unit id: each drive has its own")
+
+    def text(self, state: str | None = None, timing: tuple[str, ...] = ()) -> str:
+        """Return the configuration with its comments. Everything has to be answered."""
+        given = {name: answer for name, answer in self.answers.items() if name not in FORMATS}
+        answers = Answers(
+            **given,
+            axes=tuple(
+                AxisAnswers(name=name, profile=self._profiles[name], table=self.tables.get(name), **its)
+                for name, its in self.axes.items()
+            ),
+            drives_serial=self.serial("drives_format"),
+            controller_serial=self.serial("controller_format"),
+            timing=timing,
+            state=state,
+        )
+        return configuration_text(answers)
+
+    def _is_about(self, problem: Problem, name: str) -> bool:
+        if name == "drive":
+            keys = [f"axis.{self._axis}.drive", f"axis.{self._axis}.registers"]
+            return problem.file != str(self._file) or problem.key.startswith(tuple(keys))
+        return problem.key.startswith(PLACES.get(name, f"axis.{self._axis}.{name}"))
+
+    def _tables(self, answers: Mapping[str, Any], axes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+        """Return the configuration as far as it is known."""
+        line: dict[str, Any] = {}
+        if "drives_at" in answers:
+            line["drives"] = endpoint(answers["drives_at"], self.serial("drives_format", answers))
+        if "controller_at" in answers:
+            serial = self.serial("controller_format", answers)
+            line["controllers"] = [{"name": CONTROLLER, **endpoint(answers["controller_at"], serial)}]
+        gateway = {"name": answers["name"]} if "name" in answers else {}
+        return {
+            "gateway": gateway,
+            "line": {LINE: line},
+            "axis": {name: {"line": LINE, **_as_toml(its)} for name, its in axes.items()},
+        }
+
+
+def _as_toml(answers: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in answers.items()}
+
+
+def _profile(name: str, folder: Path) -> Profile:
+    return library.shipped(name) if library.is_name(name) else read_profile(folder / name)
+
+
+def _said(problem: Problem, name: str) -> str:
+    if name in PLACES and problem.key.endswith(".tcp") and problem.remedy.startswith('allowed: "HOST:PORT"'):
+        return f"{problem.found}; {PLACE_RULE}"
+    if name == "drive":
+        return str(problem) if problem.line is not None else f"{problem.found}; {problem.remedy}"
+    return f"{problem.found}; {problem.remedy}"

@@ -1,0 +1,246 @@
+"""What was heard, counted by unit id, and which registers look like positions."""
+
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from gateway.commissioning.listen.overhearing import Overheard
+from gateway.exchange.access import access_of
+from gateway.modbus.pdu import EXCEPTION_BIT, FunctionCode, is_exception
+from gateway.modbus.registers import WordOrder
+
+REMEMBERED: Final = 4000
+"""Contents of registers that are looked at for positions, the newest of each unit id."""
+NEAR_COUNTS: Final = 2
+"""By so much an axis that has arrived may miss its target."""
+LEAST_TARGETS: Final = 2
+BIT_FUNCTIONS: Final = frozenset(
+    {
+        FunctionCode.READ_COILS,
+        FunctionCode.READ_DISCRETE_INPUTS,
+        FunctionCode.WRITE_SINGLE_COIL,
+        FunctionCode.WRITE_MULTIPLE_COILS,
+    }
+)
+BIT_WRITES: Final = frozenset({FunctionCode.WRITE_SINGLE_COIL, FunctionCode.WRITE_MULTIPLE_COILS})
+
+
+class Use(NamedTuple):
+    """One way in which registers (or coils) are used."""
+
+    function: int
+    is_write: bool
+    address: int
+    quantity: int
+
+    @property
+    def last(self) -> int:
+        """The last register."""
+        return self.address + self.quantity - 1
+
+
+class Content(NamedTuple):
+    """What registers held when they were written, or read."""
+
+    is_write: bool
+    address: int
+    words: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PositionGuess:
+    """A register pair to which targets are written, and the one that goes there afterwards."""
+
+    command: int
+    actual: int
+    words: WordOrder
+    met: int
+    """Targets that the other pair was seen to reach, of ``targets``."""
+    targets: int
+
+
+@dataclass(slots=True)
+class UnitTally:
+    """One unit id."""
+
+    requests: int = 0
+    answered: int = 0
+    replies_alone: int = 0
+    """Replies of which no request was heard."""
+    exceptions: Counter[int] = field(default_factory=Counter)
+    uses: Counter[Use] = field(default_factory=Counter)
+    unplaced: Counter[int] = field(default_factory=Counter)
+    """Function codes of requests that name no registers."""
+    contents: deque[Content] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+
+    @property
+    def unanswered(self) -> int:
+        """Requests without a reply; the last one may still get it."""
+        return self.requests - self.answered
+
+    def positions(self) -> list[PositionGuess]:
+        """Return what looks like positions, the likeliest first."""
+        return guesses(list(self.contents))
+
+
+class Tally:
+    """Counts frames."""
+
+    def __init__(self) -> None:
+        self.units: dict[int, UnitTally] = {}
+
+    @property
+    def requests(self) -> int:
+        """How many there were."""
+        return sum(unit.requests for unit in self.units.values())
+
+    def hear(self, frames: Iterable[Overheard]) -> None:
+        """Count frames, in their order."""
+        for frame in frames:
+            unit = self.units.setdefault(frame.unit_id, UnitTally())
+            if frame.is_reply:
+                _reply(unit, frame)
+            else:
+                _request(unit, frame.pdu)
+
+
+def _request(unit: UnitTally, pdu: bytes) -> None:
+    unit.requests += 1
+    uses = list(uses_of(pdu))
+    unit.uses.update(uses)
+    if not uses:
+        unit.unplaced[pdu[0]] += 1
+    access = access_of(pdu)
+    if access is not None and access.write_quantity and access.is_consistent and not access.is_mask:
+        unit.contents.append(Content(True, access.write_address, _words(access.words(pdu))))
+
+
+def _reply(unit: UnitTally, frame: Overheard) -> None:
+    if not frame.request:
+        unit.replies_alone += 1
+        return
+    unit.answered += 1
+    if is_exception(frame.pdu) and frame.pdu[0] != frame.request[0]:
+        unit.exceptions[frame.pdu[1] if len(frame.pdu) > 1 else 0] += 1
+        return
+    access = access_of(frame.request)
+    if access is None or not access.read_quantity or access.is_mei:
+        return
+    words = _words(frame.pdu[2:])
+    if len(words) == access.read_quantity:
+        unit.contents.append(Content(False, access.read_address, words))
+
+
+def uses_of(pdu: bytes) -> Iterator[Use]:
+    """Yield what a request does to registers, coils or inputs.
+
+    >>> [*uses_of(bytes.fromhex("10 0058 0002 04 0000 2710"))]
+    [Use(function=16, is_write=True, address=88, quantity=2)]
+    """
+    function = pdu[0]
+    if function in BIT_FUNCTIONS and len(pdu) >= 5:
+        quantity = (
+            1 if function == FunctionCode.WRITE_SINGLE_COIL else max(1, int.from_bytes(pdu[3:5], "big"))
+        )
+        yield Use(function, function in BIT_WRITES, int.from_bytes(pdu[1:3], "big"), quantity)
+        return
+    access = access_of(pdu)
+    if access is None:
+        return
+    if access.write_quantity:
+        yield Use(function, is_write=True, address=access.write_address, quantity=access.write_quantity)
+    if access.read_quantity:
+        yield Use(function, is_write=False, address=access.read_address, quantity=access.read_quantity)
+
+
+def _words(data: bytes) -> tuple[int, ...]:
+    return tuple(int.from_bytes(data[at : at + 2], "big") for at in range(0, len(data) - 1, 2))
+
+
+# --- which registers are positions -------------------------------------------------------------------------
+
+
+def guesses(contents: list[Content]) -> list[PositionGuess]:
+    """Return pairs of 32-bit registers, one of which goes where the other is told to; the likeliest first.
+
+    A target has to differ from the one before it and to be none of 0, ±1, ±2, which anything may hold. Where
+    both orders of words go together, it is the one in which the targets are smaller: in the other one they
+    are 65 536 times as large.
+    """
+    found: dict[tuple[int, int], tuple[float, PositionGuess]] = {}
+    for words in WordOrder:
+        for size, guess in _guesses_in(contents, words):
+            pair = guess.command, guess.actual
+            if pair not in found or size < found[pair][0]:
+                found[pair] = size, guess
+    rated = sorted(found.values(), key=lambda one: (-one[1].met, one[0], one[1].command))
+    return [guess for _, guess in rated]
+
+
+def _guesses_in(contents: list[Content], words: WordOrder) -> Iterator[tuple[float, PositionGuess]]:
+    """Yield guesses with the mean size of their targets."""
+    told, seen = _numbers(contents, words)
+    for command, targets in told.items():
+        if len(targets) < LEAST_TARGETS:
+            continue
+        size = sum(abs(counts) for _, counts in targets) / len(targets)
+        for actual, readings in seen.items():
+            met = _met(targets, readings)
+            if actual != command and met >= LEAST_TARGETS and 2 * met >= len(targets):
+                yield size, PositionGuess(command, actual, words, met, len(targets))
+
+
+_Numbers = dict[int, list[tuple[int, int]]]
+"""By address: moment and number."""
+
+
+def _numbers(contents: list[Content], words: WordOrder) -> tuple[_Numbers, _Numbers]:
+    told: _Numbers = {}
+    seen: _Numbers = {}
+    image: dict[int, int] = {}
+    for moment, content in enumerate(contents):
+        registers = dict(enumerate(content.words, start=content.address))
+        if content.is_write:
+            image |= registers
+        for address in range(content.address - content.is_write, content.address + len(content.words)):
+            held = image if content.is_write else registers
+            if address not in held or address + 1 not in held:
+                continue
+            counts = _joined(held[address], held[address + 1], words)
+            if not content.is_write:
+                seen.setdefault(address, []).append((moment, counts))
+                continue
+            of_address = told.setdefault(address, [])
+            if abs(counts) > NEAR_COUNTS and (not of_address or of_address[-1][1] != counts):
+                of_address.append((moment, counts))
+    return told, seen
+
+
+def _joined(first: int, second: int, words: WordOrder) -> int:
+    high, low = (first, second) if words is WordOrder.HIGH_FIRST else (second, first)
+    number = high << 16 | low
+    return number - (1 << 32) if number >> 31 else number
+
+
+def _met(targets: list[tuple[int, int]], readings: list[tuple[int, int]]) -> int:
+    """How many targets were read afterwards, before the next one was told, and not before they were told."""
+    ends = [moment for moment, _ in targets[1:]] + [1 << 62]
+    met = 0
+    for (moment, counts), end in zip(targets, ends, strict=True):
+        near = [abs(number - counts) <= NEAR_COUNTS for at, number in readings if moment < at < end]
+        met += any(near)
+    return met
+
+
+FUNCTION_NAMES: Final = {code.value: code.name.lower().replace("_", " ") for code in FunctionCode}
+
+
+def function_name(function: int) -> str:
+    """Return a function code with its name, where it has one.
+
+    >>> function_name(16), function_name(65)
+    ('FC16 write multiple registers', 'FC65')
+    """
+    name = FUNCTION_NAMES.get(function & ~EXCEPTION_BIT)
+    return f"FC{function:02d}" + (f" {name}" if name else "")

@@ -1,0 +1,268 @@
+"""Everything that is checked before anything moves: the gateway, the axis, the range."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from gateway.commissioning.measure.axis_link import AxisLink
+from gateway.commissioning.measure.errors import AxisError
+from gateway.compensation.backlash import with_backlash
+from gateway.compensation.correction_spec import spec_of_table
+from gateway.compensation.units import Units
+from gateway.exchange.plan import ALARM_BIT, AxisPlan, Reference, Role
+from gateway.ipc.messages import Pong, Reply
+from gateway.metrology.cycle import Stop
+from gateway.state.plan import ControllerLink, LinePlan
+from gateway.state.tables import compiled, digest_of
+
+OFF: Final = "off"
+IN_FORCE: Final = frozenset({"active", "blending", "outside"})
+NOT_IN_FORCE: Final = frozenset({"off", "no-table", "shadow"})
+
+
+@dataclass(frozen=True, slots=True)
+class Compensation:
+    """What the gateway adds to the positions of the axis while it is measured."""
+
+    state: str
+    """As the status has it."""
+    sha256: str = ""
+    """Of the table's file, where the table is in force."""
+
+    @property
+    def is_active(self) -> bool:
+        """Whether a table is in force."""
+        return self.state in IN_FORCE
+
+    @property
+    def fact(self) -> str:
+        """How the file of readings says it."""
+        return f"active {self.sha256}" if self.is_active else OFF
+
+
+def axis_of(lines: Sequence[LinePlan], name: str) -> tuple[LinePlan, AxisPlan]:
+    """Return an axis and its line. Raises AxisError: none of that name, a rotary one, one of a group."""
+    for line in lines:
+        for axis in line.axes:
+            if axis.name == name:
+                if axis.settings.units is Units.DEGREE or axis.settings.modulo:
+                    raise AxisError(
+                        f"axis {name} is a rotary one: measure knows lengths only; move it by its controller "
+                        "and build the table of the readings (pitch-gateway table build)"
+                    )
+                others = [other for group in line.groups if name in group for other in group if other != name]
+                if others:
+                    raise AxisError(
+                        f"axis {name} belongs to a group with {', '.join(others)}: moved alone it would "
+                        "twist what they carry together; move them by their controller and build the tables "
+                        "of the readings (pitch-gateway table build)"
+                    )
+                return line, axis
+    names = ", ".join(axis.name for line in lines for axis in line.axes)
+    raise AxisError(f"there is no axis {name}; there are {names}")
+
+
+def controller_of(line: LinePlan, name: str | None) -> ControllerLink:
+    """Return the listener to connect to: the one that is named, or the only one that may move axes.
+
+    Raises:
+        AxisError: none, several, or one that cannot be used.
+    """
+    movers = [link for link in line.controllers if link.plan.role is Role.MOTION]
+    names = ", ".join(link.plan.name for link in line.controllers)
+    if name is not None:
+        found = [link for link in line.controllers if link.plan.name == name]
+        if not found:
+            raise AxisError(f"line {line.name} has no controller {name}; it has {names}")
+    elif len(movers) == 1:
+        found = movers
+    else:
+        raise AxisError(
+            f"line {line.name} has {len(movers)} controllers that may move axes ({names}): name one with "
+            "--controller"
+        )
+    link = found[0]
+    if link.plan.role is not Role.MOTION:
+        raise AxisError(
+            f'controller {link.plan.name} has role = "{link.plan.role.value}": it may not move axes; name '
+            "another with --controller"
+        )
+    if link.plan.rights.is_read_only:
+        raise AxisError(f"controller {link.plan.name} is read_only: name another with --controller")
+    if link.tls is not None:
+        raise AxisError(
+            f"controller {link.plan.name} is a TLS listener, and measure has no certificate: add a listener "
+            'on 127.0.0.1 with role = "motion" and name it with --controller'
+        )
+    return link
+
+
+def check_same_plan(reply: Reply, shape: str) -> None:
+    """Check that the gateway runs from the configuration as its file is now; ``reply`` is that to a ping.
+
+    With other counts or registers than the gateway's an axis would go to other places than it is told.
+
+    Raises:
+        AxisError: it was started with another one.
+    """
+    if not isinstance(reply, Pong) or reply.shape != shape:
+        raise AxisError(
+            "the configuration was changed after the gateway was started, and the gateway goes by the old "
+            "one: restart the gateway, then measure"
+        )
+
+
+def compensation_of(status: Mapping[str, Any], axis: AxisPlan) -> Compensation:
+    """Return what is in force. Raises AxisError: nobody can say, or it is neither on nor off."""
+    found = _axis_status(status, axis)
+    state = str(found["compensation"])
+    if state in NOT_IN_FORCE:
+        return Compensation(state)
+    if state not in IN_FORCE:
+        remedy = {
+            "unreferenced": "home it (or pitch-gateway reference), or switch the correction off "
+            "(pitch-gateway disable) and measure without it",
+            "blocked": "the gateway refuses its targets; pitch-gateway status and its log say why",
+        }.get(state, "pitch-gateway status says why")
+        raise AxisError(f"axis {axis.name} is {state}: {remedy}")
+    if set(found["gain"].values()) != {1.0}:
+        gain = found["gain"]
+        raise AxisError(
+            f"axis {axis.name} has gain {gain['forward']:g} forward and {gain['backward']:g} backward: "
+            "readings with a part of a table make no table; set both to 1, or pitch-gateway disable"
+        )
+    if not axis.table_name:
+        raise AxisError(
+            f"axis {axis.name} has a backlash and no table: pitch-gateway disable, then measure; the "
+            "readings make a table that holds the lost motion"
+        )
+    if found["table"]["sha256"] != axis.table_digest:
+        raise AxisError(
+            f"axis {axis.name}: the gateway runs with another table than {axis.table_name} is now: "
+            "pitch-gateway reload, then measure"
+        )
+    if found["table"]["compiled"] != _compiled_digest(axis):
+        raise AxisError(
+            f"axis {axis.name}: CONFIG reads {axis.table_name} otherwise than the gateway did "
+            "(table_options): pitch-gateway reload, then measure"
+        )
+    return Compensation(state, str(found["table"]["sha256"]))
+
+
+def _compiled_digest(axis: AxisPlan) -> str:
+    """Return what names the corrections of an axis, as a gateway puts them into force."""
+    table = axis.table
+    if table is None:
+        return ""
+    if axis.settings.backlash is not None:
+        table = with_backlash(table, axis.settings.backlash)
+    return digest_of(compiled(table))
+
+
+def check_writer(status: Mapping[str, Any], axis: AxisPlan) -> None:
+    """Check that nobody moves the axis. Raises AxisError."""
+    writer = _axis_status(status, axis)["writer"]
+    if writer is not None:
+        raise AxisError(
+            f"axis {axis.name} is moved by {writer}: stop that program first, and try again when the axis "
+            f"has had no command for {axis.writer_hold_s:g} s"
+        )
+
+
+def check_line(status: Mapping[str, Any], line: LinePlan) -> None:
+    """Check that the gateway reaches the drives. Raises AxisError."""
+    state = status["lines"].get(line.name, {}).get("state")
+    if state != "up":
+        raise AxisError(f"line {line.name} is {state}: the gateway does not reach the drives")
+
+
+def check_range(link: AxisLink, stops: Sequence[Stop], *, is_corrected: bool) -> None:
+    """Check that every stop is inside travel, as commanded and as corrected.
+
+    Raises:
+        AxisError: travel is not configured, or a stop is outside; it names what would fit.
+    """
+    plan = link.plan
+    settings, units = plan.settings, plan.settings.units.value
+    if settings.travel is None:
+        raise AxisError(
+            f"axis.{plan.name}.travel: missing: measure goes nowhere without knowing how far it may"
+        )
+    low, high = settings.travel
+    for stop in stops:
+        if not low <= stop.nominal <= high:
+            what = "target" if stop.measure else "turn-around point (--overrun)"
+            overrun = min(
+                abs(turn.nominal - target.nominal)
+                for turn in stops
+                for target in stops
+                if target.measure and not turn.measure
+            )
+            raise AxisError(
+                f"the {what} {stop.nominal:.9g} is outside travel = [{low:.9g}, {high:.9g}] {units}: give "
+                f"--from {low + overrun:.9g} or more and --to {high - overrun:.9g} or less, or a smaller "
+                "--overrun"
+            )
+        link.packed(stop.nominal)
+    if not is_corrected or plan.table is None:
+        return
+    spec = spec_of_table(plan.table, settings)
+    lowest, highest = settings.corrected_bounds
+    for stop in stops:
+        for share in (1.0, 0.0):
+            corrected = stop.nominal + spec.map_at(share).correction(stop.nominal)
+            if not lowest <= corrected <= highest:
+                raise AxisError(
+                    f"{stop.nominal:.9g} is {corrected:.9g} {units} with its correction: outside travel and "
+                    "travel_margin; give --from, --to and --overrun that fit"
+                )
+
+
+def check_overrun(plan: AxisPlan, overrun: float) -> None:
+    """Check that the axis turns round outside the targets by more than its lost motion. Raises AxisError."""
+    if not overrun > plan.settings.hysteresis:
+        raise AxisError(
+            f"--overrun {overrun:g}: it must be greater than the lost motion of the axis, and than its "
+            f"hysteresis of {plan.settings.hysteresis:g} {plan.settings.units.value}"
+        )
+    facts = None if plan.table is None else plan.table.facts
+    lost = 0.0 if facts is None else facts.difference.largest
+    if lost >= overrun:
+        raise AxisError(
+            f"--overrun {overrun:g}: the table knows {lost:.6g} {plan.settings.units.value} of lost motion; "
+            "it must be greater"
+        )
+
+
+async def check_standing(link: AxisLink) -> float:
+    """Check that the axis is ready to move, and return where it stands.
+
+    Raises:
+        AxisError: alarm, moving, not homed, outside travel, no reply.
+    """
+    plan = link.plan
+    look = await link.look()
+    if look.is_alarm:
+        raise AxisError(f"axis {plan.name} reports an alarm (bits.{ALARM_BIT}): clear it at the drive")
+    if look.is_moving:
+        raise AxisError(f"axis {plan.name} is moving: wait until it stands, and nobody else moves it")
+    if plan.referenced is Reference.DRIVE_BIT and await link.is_homed() is False:
+        raise AxisError(f"axis {plan.name} is not homed: home it first")
+    assert plan.settings.travel is not None
+    low, high = plan.settings.travel
+    slack = plan.settings.travel_margin
+    if not low - slack <= look.position <= high + slack:
+        raise AxisError(
+            f"axis {plan.name} stands at {look.position:.9g}, outside travel = [{low:.9g}, {high:.9g}]: "
+            "bring it inside, or correct zero_counts"
+        )
+    return look.position
+
+
+def _axis_status(status: Mapping[str, Any], axis: AxisPlan) -> Mapping[str, Any]:
+    found: Mapping[str, Any] | None = status["axes"].get(axis.name)
+    if found is None:
+        raise AxisError(
+            f"the gateway that runs has no axis {axis.name}: it runs from another CONFIG; restart it"
+        )
+    return found

@@ -1,0 +1,484 @@
+"""Measuring an axis, from options to results: looks, moves, and makes a table of it.
+
+    measuring = Measuring(load(path), "x", Grid(0.0, 100.0, step=10.0), Reader(gauge="/dev/ttyUSB0"))
+    measuring.look()
+    measuring.run(showing)
+    print(measuring.result().outcome.evaluation.accuracy)
+
+THE AXIS MOVES in :meth:`Measuring.run`, and nowhere else.
+"""
+
+import asyncio
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.commissioning.measure import outcome
+from gateway.commissioning.measure.axis_link import recipe_of
+from gateway.commissioning.measure.checks import axis_of, check_same_plan, controller_of
+from gateway.commissioning.measure.errors import (
+    AxisError,
+    EndedEarlyError,
+    FileError,
+    InstrumentError,
+    MeasureError,
+)
+from gateway.commissioning.measure.instruments import GrowingCsv, Instrument, Keyboard, Lines, SerialGauge
+from gateway.commissioning.measure.readings_file import (
+    SUFFIX,
+    Earlier,
+    MeasuringPlan,
+    ReadingsFile,
+    check_order,
+    facts_of,
+    read_earlier,
+)
+from gateway.commissioning.measure.running import Manners, Showing
+from gateway.commissioning.measure.session import Pace, Place, Seen, Session, endpoint_of, look, preview
+from gateway.compensation.settings import DEFAULT_MAX_SLOPE
+from gateway.compensation.units import Units
+from gateway.config.load import Loaded
+from gateway.exchange.plan import AxisPlan
+from gateway.ipc.client import NoRelayError, ask_relay
+from gateway.ipc.messages import GetStatus, Ping, Status
+from gateway.metrology.cycle import Stop, bidirectional_cycle, remaining
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.gauge_kinds import GaugeKind
+from gateway.metrology.gauges import DEFAULTS, GaugeError, pattern_of
+from gateway.metrology.lead import Period, lead_warnings, periods_of
+from gateway.metrology.program import DECIMALS, even_targets, random_targets
+from gateway.metrology.readings import Reading
+from gateway.state.plan import shape_of
+from gateway.transport.endpoints import SerialEndpoint
+
+EVEN: Final = 1e-6
+"""Part of a step by which the last target of an even grid may miss the end."""
+OVERRUN_MM: Final = 1.0
+WINDOW_MM: Final = 0.01
+LARGEST_MM: Final = 1.0
+UM_PER_MM: Final = 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Targets as they were asked for, in units of the axis."""
+
+    low: float | None = None
+    high: float | None = None
+    step: float | None = None
+    targets: int | None = None
+    spread: float | None = None
+    seed: int = 1
+    runs: int = 5
+    overrun: float | None = None
+    lead: float | None = None
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether anything was said about targets."""
+        return any(each is not None for each in (self.low, self.high, self.step, self.targets, self.overrun))
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """The instrument as it was asked for."""
+
+    csv: Path | None = None
+    column: str = "1"
+    delimiter: str = ","
+    gauge: str | None = None
+    kind: GaugeKind = GaugeKind.SYLVAC
+    baudrate: int | None = None
+    request: str | None = None
+    timeout_s: float = 5.0
+    pattern: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """How a reading becomes a machine position, and how long one waits for it."""
+
+    dwell_s: float = 2.0
+    window: float | None = None
+    move_timeout_s: float = 120.0
+    largest: float | None = None
+    is_reversed: bool = False
+    zero_at: float = 0.0
+    units: str | None = None
+
+
+def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
+    """Return what is to be measured. Random targets are spread over the lead, where that is known.
+
+    Raises:
+        AxisError: options that are missing or do not fit together.
+    """
+    if grid.low is None or grid.high is None:
+        raise AxisError("give --from and --to: the lowest and the highest target, as machine positions")
+    if (grid.step is None) == (grid.targets is None):
+        raise AxisError("give one of --step (even targets) and --targets (so many, with random offsets)")
+    try:
+        if grid.step is not None:
+            targets = even_targets(grid.low, grid.high, grid.step)
+            if abs(targets[-1] - grid.high) > EVEN * grid.step:
+                raise AxisError(
+                    f"--step {grid.step:g} does not lead from {grid.low:.9g} to {grid.high:.9g}: end at "
+                    f"--to {targets[-1]:.9g}, or give another step"
+                )
+        else:
+            assert grid.targets is not None
+            decimals = DECIMALS[axis.settings.units]
+            spread = _spread(grid) if grid.spread is None else grid.spread
+            targets = random_targets(
+                grid.low, grid.high, grid.targets, seed=grid.seed, spread=spread, decimals=decimals
+            )
+    except ReadingsError as error:
+        raise AxisError(str(error)) from None
+    units = axis.settings.units
+    overrun = units.from_mm(OVERRUN_MM) if grid.overrun is None else grid.overrun
+    if not isfinite(overrun):
+        raise AxisError(f"--overrun {overrun}: it must be a finite length")
+    return MeasuringPlan(tuple(round(target, 9) for target in targets), grid.runs, overrun)
+
+
+def _spread(grid: Grid) -> float | None:
+    """Return the lead, where the targets leave room for it."""
+    assert grid.low is not None
+    assert grid.high is not None
+    assert grid.targets is not None
+    if grid.lead is None or grid.lead * grid.targets >= grid.high - grid.low:
+        return None
+    return grid.lead
+
+
+def instrument_of(reader: Reader, lines: Lines, unit: str = "mm") -> Instrument:
+    """Return the instrument, not yet open; ``unit`` is the one in which its readings are taken.
+
+    Raises:
+        InstrumentError: two of them, or a wrong request.
+    """
+    if reader.csv is not None and reader.gauge is not None:
+        raise InstrumentError("--csv and --gauge are two instruments: give one")
+    if reader.csv is not None:
+        return GrowingCsv(reader.csv, reader.column, reader.delimiter)
+    if reader.gauge is None:
+        return Keyboard(lines, _prompt)
+    if (reader.kind is GaugeKind.PATTERN) != (reader.pattern is not None):
+        raise InstrumentError("--gauge-kind pattern and --gauge-pattern belong together: give both or none")
+    try:
+        pattern = None if reader.pattern is None else pattern_of(reader.pattern)
+    except GaugeError as error:
+        raise InstrumentError(str(error)) from None
+    usual = DEFAULTS[reader.kind]
+    request = usual.request
+    if reader.request is not None:
+        if not reader.request.isascii():
+            raise InstrumentError("--gauge-request: it must be ASCII")
+        request = reader.request + "\r" if reader.request else ""
+    endpoint = SerialEndpoint(
+        reader.gauge,
+        reader.baudrate or usual.baudrate,
+        usual.parity,
+        usual.data_bits,
+        usual.stop_bits,
+        low_latency=False,
+    )
+    return SerialGauge(reader.kind, endpoint, request, reader.timeout_s, pattern=pattern, unit=unit)
+
+
+def manners_of(scale: Scale, axis: AxisPlan) -> Manners:
+    """Return how the run goes, in units of the axis. Raises InstrumentError: unknown units."""
+    units = axis.settings.units
+    window = units.from_mm(WINDOW_MM) if scale.window is None else scale.window
+    largest = units.from_mm(LARGEST_MM) if scale.largest is None else scale.largest
+    if not (
+        window > 0 and largest > 0 and isfinite(window) and isfinite(largest) and isfinite(scale.zero_at)
+    ):
+        raise InstrumentError("--window and --largest-deviation: greater than 0; --zero-at: a position")
+    return Manners(
+        dwell_s=scale.dwell_s,
+        window=window,
+        move_timeout_s=scale.move_timeout_s,
+        largest_deviation=largest,
+        sign=-1.0 if scale.is_reversed else 1.0,
+        zero_at=scale.zero_at,
+        scale=_factor(scale.units, units),
+    )
+
+
+def _factor(told: str | None, units: Units) -> float:
+    if told is None:
+        return 1.0
+    factors = {
+        "mm": units.from_mm(1.0),
+        "um": units.from_mm(1.0 / UM_PER_MM),
+        "inch": Units.INCH.convert_factor(units),
+    }
+    if told not in factors:
+        raise InstrumentError(f"--reading-units {told}: allowed are {', '.join(factors)}")
+    return factors[told]
+
+
+def _prompt(text: str) -> None:
+    sys.stderr.write(text)
+    sys.stderr.flush()
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """Where the readings and what is made of them go."""
+
+    readings: Path | None = None
+    """The file of readings; None: the axis and the time."""
+    resume: Path | None = None
+    """The file of a run that was stopped, with which this one goes on."""
+    out: Path | None = None
+    out_format: str | None = None
+    table_step: float | None = None
+    force: bool = False
+    report: Path | None = None
+    before: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What a whole run led to."""
+
+    outcome: outcome.Outcome
+    readings_file: Path
+    written: tuple[str, ...]
+    """What was written besides, a line each."""
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it for a program, in units of the axis."""
+        return {**self.outcome.as_data(), "readings_file": str(self.readings_file)}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Where everything is, a line each."""
+        return (f"the readings are in {self.readings_file}", *self.written)
+
+
+def _periods(lead: float | None) -> tuple[Period, ...]:
+    """Return what the error may repeat with. Raises AxisError: a lead that is no length."""
+    try:
+        return periods_of(lead)
+    except ReadingsError as error:
+        raise AxisError(f"--lead: {error}") from None
+
+
+class Measuring:
+    """One measuring of an axis through the gateway that runs a configuration.
+
+    :meth:`look` first, then :meth:`run` where anything is left to measure, then :meth:`result`. Lengths are
+    machine positions in units of the axis.
+
+    Raises:
+        MeasureError: the options do not fit the axis, or each other.
+    """
+
+    def __init__(
+        self,
+        loaded: Loaded,
+        axis: str,
+        grid: Grid,
+        reader: Reader,
+        *,
+        scale: Scale,
+        results: Results,
+        controller: str | None = None,
+        port: str | None = None,
+    ) -> None:
+        line, plan = axis_of(loaded.plan.lines, axis)
+        link = controller_of(line, controller)
+        self._place = Place(line, recipe_of(plan), link, endpoint_of(link, port))
+        self._out_format = outcome.check_format(results.out_format, plan)
+        outcome.check_places(results.out, results.report, force=results.force)
+        self._lines = Lines()
+        self.instrument = instrument_of(reader, self._lines, scale.units or plan.settings.units.value)
+        self._manners = manners_of(scale, plan)
+        self._loaded = loaded
+        self._shape = shape_of(loaded.plan)
+        self._section = loaded.sections.axes[plan.name]
+        self._grid = grid
+        self._scale = scale
+        self._results = results
+        self._axis = plan
+        self.units = plan.settings.units
+        self._lead = self._section.lead if grid.lead is None else grid.lead
+        self._periods = _periods(self._lead)
+        self._earlier: Earlier | None = None
+        self._table_step: float | None = None
+        """Of the new table's even grid; None: its points are the targets."""
+        self._before = None if results.before is None else outcome.survey_before(results.before, plan)
+        self._plan: MeasuringPlan | None = None
+        self._seen: Seen | None = None
+        self._left: list[Stop] = []
+        self.readings_file = results.resume
+
+    def look(self) -> int:
+        """Check all that must be right before the axis moves; return how many stops are left.
+
+        Nothing is written to the drive.
+
+        Raises:
+            MeasureError: something is not right.
+        """
+        plan, done = self._planned()
+        stops = list(bidirectional_cycle(plan.targets, plan.overrun, plan.runs))
+        if self._results.resume is not None:
+            check_order(self._results.resume, stops, done)
+        self._plan, self._left = plan, remaining(stops, len(done))
+        self._seen = asyncio.run(look(self._place, plan, stops, self._status))
+        self._check_same(self._seen)
+        self._choose_points(plan, self._seen)
+        return len(self._left)
+
+    def preview(self, speed: float | None = None) -> Iterator[str]:
+        """Yield what a person has to know before the axis moves, after :meth:`look`.
+
+        ``speed``: in units of the axis a second, for the estimate of the time.
+        """
+        plan, seen = self._looked()
+        pace = Pace(self._scale.dwell_s, speed)
+        yield from preview(self._place, seen, self._left, self.instrument.title, pace)
+        for warning in lead_warnings(plan.targets, self._periods, self.units):
+            yield f"  lead          {warning}"
+
+    def run(self, showing: Showing, *, can_ask: bool = False) -> None:
+        """Move the axis from stop to stop and read it there. It stands when this ends.
+
+        SIGINT, SIGTERM and SIGHUP stop it. ``can_ask``: somebody at standard input says whether a reading
+        that is none is read again.
+
+        Raises:
+            EndedEarlyError: it did not come to its end.
+            MeasureError: the file of readings cannot be written.
+        """
+        plan, seen = self._looked()
+        done = 0 if self._earlier is None else len(self._earlier.readings)
+        with self._file(plan, seen) as file:
+            session = Session(self._place, self.instrument, self._manners, file, showing)
+            total = 2 * len(plan.targets) * plan.runs
+            try:
+                showing.begin(total, done)
+                asyncio.run(session.run(self._left, seen, self._status, self._lines if can_ask else None))
+            except MeasureError as error:
+                took = done + len(session.readings)
+                if not took and self._results.resume is None:
+                    file.path.unlink(missing_ok=True)
+                raise EndedEarlyError(str(error), took, session.stopped_by) from error
+
+    def result(self) -> Measured:
+        """Make something of all readings, as they stand in their file, whatever becomes of this.
+
+        Raises:
+            MeasureError: they make no table, or it cannot be written.
+        """
+        _, seen = self._looked()
+        path, results = self.readings_file, self._results
+        assert path is not None, "there is one after run, or with resume"
+        try:
+            survey = outcome.survey_of(path, self._axis)
+            found = outcome.outcome_of(
+                survey, self._axis, is_active=seen.compensation.is_active, periods=self._periods,
+                step=self._table_step,
+                refusal=lambda table: outcome.refusal(self._out_format, table, self._axis, self._section),
+            )  # fmt: skip
+            written = []
+            if results.out is not None:
+                written += outcome.write_table(
+                    found, results.out, self._out_format, self._axis, self._section, force=results.force
+                )
+            if results.report is not None:
+                outcome.write_report(
+                    found, results.report, self._axis.name, self._before, force=results.force
+                )
+                written.append(f"{results.report}: the report")
+        except MeasureError as error:
+            raise MeasureError(f"{error} (the readings are in {path})") from None
+        return Measured(found, path, tuple(written))
+
+    def _looked(self) -> tuple[MeasuringPlan, Seen]:
+        assert self._plan is not None, "look comes first"
+        assert self._seen is not None
+        return self._plan, self._seen
+
+    def _planned(self) -> tuple[MeasuringPlan, tuple[Reading, ...]]:
+        resume = self._results.resume
+        if resume is None:
+            return plan_of(replace(self._grid, lead=self._lead), self._axis), ()
+        if self._grid.is_asked or self._results.readings is not None:
+            raise FileError("--resume: the file says what is measured: leave targets and --readings away")
+        self._earlier = earlier = read_earlier(resume, self.units)
+        if earlier.facts.get("axis") != self._axis.name:
+            raise FileError(f"{resume}: was begun for axis {earlier.facts.get('axis')}")
+        return earlier.plan, earlier.readings
+
+    def _check_same(self, seen: Seen) -> None:
+        """Readings with and without a table, or with two tables, make no table."""
+        if self._earlier is None:
+            return
+        was = self._earlier.facts.get("compensation")
+        if was != seen.compensation.fact:
+            raise FileError(
+                f"{self._results.resume}: was measured with compensation {was}, and now it is "
+                f"{seen.compensation.fact}: bring it back, or measure anew"
+            )
+
+    def _choose_points(self, plan: MeasuringPlan, seen: Seen) -> None:
+        """Choose the points of the new table before the work. Raises FileError: it could not be written."""
+        results, axis, section = self._results, self._axis, self._section
+        if seen.compensation.is_active and axis.table is not None:
+            if results.table_step is not None:
+                raise FileError("--table-step: the table in use is refined at its own points: leave it out")
+            if results.out is not None:
+                outcome.check_writable(self._out_format, axis.table.positions, axis, section)
+            return
+        self._table_step = results.table_step
+        if results.out is None or outcome.is_writable(
+            self._out_format, outcome.points_of(plan.targets, self._table_step, axis), axis, section
+        ):
+            return
+        if self._table_step is None:
+            self._table_step = self._grid.step
+        points = outcome.points_of(plan.targets, self._table_step, axis)
+        outcome.check_writable(self._out_format, points, axis, section)
+
+    def _status(self) -> Mapping[str, Any]:
+        """Return the status of the gateway that runs the configuration. Raises AxisError: none does."""
+        config, state = self._loaded.path, self._loaded.state_folder
+        try:
+            check_same_plan(ask_relay(config, state, Ping()), self._shape)
+            reply = ask_relay(config, state, GetStatus())
+        except NoRelayError as error:
+            raise AxisError(str(error)) from None
+        assert isinstance(reply, Status)
+        return reply.status
+
+    @contextmanager
+    def _file(self, plan: MeasuringPlan, seen: Seen) -> Iterator[ReadingsFile]:
+        results, axis = self._results, self._axis
+        now = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+        if results.resume is not None:
+            file = ReadingsFile(results.resume, self.units)
+            file.go_on()
+        else:
+            stamp = time.strftime("%Y%m%d-%H%M%S")
+            file = ReadingsFile(results.readings or Path(f"{axis.name}-{stamp}{SUFFIX}"), self.units)
+            facts = facts_of(plan, axis.name, seen.compensation.fact, self.units)
+            if self._lead is not None:
+                facts["lead"] = f"{self._lead:.9g}"
+            if axis.settings.max_slope != DEFAULT_MAX_SLOPE:
+                facts["max_slope"] = f"{axis.settings.max_slope:g}"
+            file.create({**facts, "instrument": self.instrument.title, "measured": now})
+        self.readings_file = file.path
+        try:
+            yield file
+        finally:
+            file.close()

@@ -1,0 +1,381 @@
+"""What becomes of the readings of a whole run: results of ISO 230-2, a table, what changes, a report."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any, Final
+
+from gateway.commissioning.measure.errors import FileError, MeasureError
+from gateway.compensation.backlash import with_backlash
+from gateway.compensation.correction_spec import spec_of_table
+from gateway.compensation.direction import Direction
+from gateway.compensation.errors import TableError
+from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.units import Units
+from gateway.config.axis_model import AxisSection
+from gateway.config.tables import context_of, write_options_of
+from gateway.exchange.plan import AxisPlan
+from gateway.metrology.build import HomeReference
+from gateway.metrology.circumstances import check_uncorrected
+from gateway.metrology.deviation import small_unit
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.evaluation import Evaluation, evaluate
+from gateway.metrology.formats.context import ReadingsContext
+from gateway.metrology.formats.load import is_readings, read_survey
+from gateway.metrology.lead import Period, longest
+from gateway.metrology.readings import Survey
+from gateway.metrology.recipe import Built, Recipe, build_from
+from gateway.metrology.refine import Refined, refine_table
+from gateway.metrology.resample import grid_positions
+from gateway.metrology.residue import predicted_residue
+from gateway.metrology.results import left_out_json, left_out_line, left_out_text, results_json
+from gateway.metrology.scale import told_scale
+from gateway.metrology.shapes import Fit, LeftOut
+from gateway.metrology.whole import notes_of
+from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
+from gateway.tabfile.conversion import reader_lines, write
+
+FALLBACK_FORMATS: Final = ("csv", "centroid-3")
+SMALL: Final = {Units.MM: (1000.0, "µm"), Units.INCH: (10_000.0, "tenths (0.0001 inch)")}
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Where a new table differs most from the active one, in units of the axis; signed, new less old."""
+
+    position: float
+    direction: Direction
+    amount: float
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Everything that a whole run leads to."""
+
+    survey: Survey
+    evaluation: Evaluation
+    table: CorrectionTable
+    is_refined: bool
+    change: Change | None = None
+    """None: no table was in use before."""
+    notes: tuple[str, ...] = field(default=())
+    active: CorrectionTable | None = None
+    """The table in use while it was measured, with the backlash beside it; None where none was."""
+    left_out: LeftOut | None = None
+    """E that the new table will leave between the targets, predicted by leaving out; None: not known."""
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the results for a program, in units of the axis."""
+        table, change = self.table, self.change
+        return {
+            "units": self.survey.units.value,
+            "results": results_json(self.evaluation),
+            "predicted": left_out_json(self.survey.units, self.left_out),
+            "table": {
+                "positions": list(table.positions),
+                "forward": list(table.forward),
+                "backward": list(table.backward),
+                "refined": self.is_refined,
+            },
+            "change": None
+            if change is None
+            else {
+                "position": change.position,
+                "direction": change.direction.name.lower(),
+                "amount": change.amount,
+            },
+            "notes": list(self.notes),
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield what a person is told beside the figures: what changes, what stays, notes."""
+        change = self.change
+        if change is not None:
+            factor, unit = SMALL[self.survey.units]
+            yield (
+                f"against the active table: the largest change is {change.amount * factor:+.2f} {unit} "
+                f"at {change.position:.9g} {self.survey.units.value}, {change.direction.name.lower()}"
+            )
+        if self.left_out is not None:
+            yield left_out_line(self.evaluation, self.left_out)
+        yield from self.notes
+
+
+def outcome_of(
+    survey: Survey,
+    axis: AxisPlan,
+    *,
+    is_active: bool,
+    periods: tuple[Period, ...] = (),
+    step: float | None = None,
+    refusal: Callable[[CorrectionTable], str | None] | None = None,
+) -> Outcome:
+    """Evaluate the readings and make the table of them, along the curve that leaves least between targets.
+
+    ``periods`` are what the error may repeat with. ``step`` lays an even grid over the travel, for a new
+    table. ``refusal`` says why a table cannot be written.
+
+    Raises:
+        MeasureError: they make no table.
+    """
+    notes: list[str] = []
+    active = axis.table
+    if active is not None and axis.settings.backlash is not None:
+        active = with_backlash(active, axis.settings.backlash)
+        notes.append("the new table holds the backlash too: take the key backlash away when you use it")
+    turn = longest(periods)
+    notes += notes_of(survey, axis.settings.counts_per_unit, with_scale=not is_active, lead=turn)
+    if not is_active and (scale := told_scale(survey, turn)) and scale.is_large:
+        notes.append(
+            "more than 0.3 mm/m is no screw but a wrong scale: put it right first, and measure again"
+        )
+    try:
+        evaluation = evaluate(survey)
+        if is_active:
+            assert active is not None
+            refined = refine_table(
+                active, survey, home=_home(axis, survey), fit=Fit.AUTO, periods=periods, refusal=refusal
+            )
+            done: Refined | Built = refined
+            left_out = refined.left_out
+        else:
+            recipe = Recipe(
+                home=_home(axis, survey, is_over_travel=step is not None),
+                fit=Fit.AUTO,
+                periods=periods,
+                refusal=refusal,
+                step=step,
+                travel=axis.settings.travel if step is not None else None,
+            )
+            built = done = build_from(survey, recipe)
+            left_out = None if built.screw is None else built.screw.left_out(built.table)
+    except (ReadingsError, TableError) as error:
+        raise MeasureError(str(error)) from None
+    change = None if active is None else largest_change(active, done.table, axis)
+    used = active if is_active else None
+    return Outcome(survey, evaluation, done.table, is_active, change, (*done.notes, *notes), used, left_out)
+
+
+def largest_change(old: CorrectionTable, new: CorrectionTable, axis: AxisPlan) -> Change:
+    """Return where two tables differ most, at the points of both."""
+    specs = [spec_of_table(table, axis.settings) for table in (old, new)]
+    places = sorted({*old.positions, *new.positions})
+    changes = [
+        Change(place, direction, after - before)
+        for place in places
+        for direction, share in ((Direction.FORWARD, 1.0), (Direction.BACKWARD, 0.0))
+        for before, after in [[spec.map_at(share).correction(place) for spec in specs]]
+    ]
+    return max(changes, key=lambda change: abs(change.amount))
+
+
+def _home(axis: AxisPlan, survey: Survey, *, is_over_travel: bool = False) -> HomeReference | None:
+    """Where the correction is 0: machine position 0, as homing arrives there, if the table reaches it."""
+    reach = [reading.target for reading in survey.readings]
+    if is_over_travel and axis.settings.travel is not None:
+        reach += axis.settings.travel
+    if not axis.settings.home_approach or not min(reach) <= 0.0 <= max(reach):
+        return None
+    return HomeReference(0.0, Direction(axis.settings.home_approach))
+
+
+def check_format(told: str | None, axis: AxisPlan) -> str:
+    """Return the dialect of the table that is to be written. Raises FileError: there is none of that name."""
+    names = [dialect.name for dialect in DIALECTS]
+    if told is not None:
+        if told not in names:
+            raise FileError(f"--out-format {told}: allowed are {', '.join(names)}")
+        return told
+    return next(name for name in (axis.table_format, *FALLBACK_FORMATS) if name in names)
+
+
+def check_places(out: Path | None, report: Path | None, *, force: bool) -> None:
+    """Check before the work that its results can be written where they are wanted. Raises FileError."""
+    if out is not None and out.exists() and not force:
+        raise FileError(f"{out}: a file of this name; give a new name, or --force")
+    if out is not None:
+        _check_no_readings(out)
+        if not out.parent.is_dir():
+            raise FileError(f"{out}: there is no folder {out.parent}: make it first")
+        try:
+            TemporaryFile(dir=out.parent).close()
+        except OSError as error:
+            raise FileError(
+                f"{out}: nothing can be written to folder {out.parent} ({error.strerror}): give another place"
+            ) from None
+    if report is not None:
+        from gateway.report.errors import ReportError
+        from gateway.report.writing import check_place
+
+        try:
+            check_place(report, force=force)
+        except ReportError as error:
+            raise FileError(str(error)) from None
+
+
+def _check_no_readings(out: Path) -> None:
+    """Readings cannot be had again: no table takes their place, ``--force`` or not. Raises FileError."""
+    if is_readings(out):
+        raise FileError(f"{out}: a file of readings; give another name for --out")
+
+
+def check_writable(
+    format_name: str, positions: Sequence[float], axis: AxisPlan, section: AxisSection
+) -> None:
+    """Check before the work that a dialect can hold a table of two directions at these positions.
+
+    Raises:
+        FileError: it cannot, or needs to be told more than there is an option for.
+    """
+    least = abs(1.0 / axis.settings.counts_per_unit)
+    forward, backward = [least] * len(positions), [-least] * len(positions)
+    try:
+        table = make_table(positions, forward, backward, axis.settings.units)
+        dialect_named(format_name).write(table, write_options_of(section, axis.name, format_name))
+    except (TabFileError, TableError) as error:
+        raise FileError(
+            f"--out: a table at {positions[0]:.9g} to {positions[-1]:.9g} cannot be written as {format_name}"
+            f": {error}; give --table-step, an even grid over the travel, or another --out-format"
+        ) from None
+
+
+def is_writable(format_name: str, positions: Sequence[float], axis: AxisPlan, section: AxisSection) -> bool:
+    """Whether :func:`check_writable` would let it pass."""
+    try:
+        check_writable(format_name, positions, axis, section)
+    except FileError:
+        return False
+    return True
+
+
+def points_of(targets: Sequence[float], step: float | None, axis: AxisPlan) -> Sequence[float]:
+    """Return the points of a new table: the targets, or the multiples of a step in the whole travel.
+
+    Raises:
+        FileError: a step of which less than two multiples lie in it.
+    """
+    if step is None:
+        return targets
+    assert axis.settings.travel is not None, "check_range wants one"
+    try:
+        return grid_positions(step, axis.settings.travel, axis.settings.units)
+    except ReadingsError as error:
+        raise FileError(f"--table-step: {error}") from None
+
+
+def refusal(format_name: str, table: CorrectionTable, axis: AxisPlan, section: AxisSection) -> str | None:
+    """Say why a dialect cannot hold a table, or which of the axis's limits forbids it; None: neither."""
+    settings = axis.settings
+    for key, found, limit in (
+        ("max_correction", table.max_correction(), settings.max_correction),
+        ("max_slope", table.max_slope(), settings.max_slope),
+    ):
+        if found > limit:
+            return f"{found:.4g} is above {key} = {limit:g} of axis {axis.name}: raise it if that is right"
+    try:
+        dialect_named(format_name).write(table, write_options_of(section, axis.name, format_name))
+    except TabFileError as error:
+        allowed = f", allowed: {error.allowed}" if error.allowed else ""
+        return f"this format does not hold it ({error.found}{allowed}); --out-format csv does"
+    except TableError as error:
+        return str(error)
+    return None
+
+
+def write_table(
+    outcome: Outcome, out: Path, format_name: str, axis: AxisPlan, section: AxisSection, *, force: bool
+) -> list[str]:
+    """Write the table as the axis's ``table_options`` read it; return what a person should know.
+
+    Raises:
+        FileError: the dialect cannot hold it, or the place cannot be written to.
+    """
+    try:
+        written = dialect_named(format_name).write(
+            outcome.table, write_options_of(section, axis.name, format_name)
+        )
+        again = parse_table(written.text.encode(), str(out), written.context).table
+        change = largest_change(outcome.table, again.in_units(outcome.table.units), axis)
+        _check_no_readings(out)
+        write(out, written.text, force=force, encoding=written.encoding)
+    except (TabFileError, TableError) as error:
+        command = "table refine" if outcome.is_refined else "table build"
+        raise FileError(
+            f"{error}; the readings are kept: pitch-gateway {command} makes the table of them, in another "
+            "place or format"
+        ) from None
+    factor, unit = SMALL[outcome.table.units]
+    return [
+        f"{out}: {format_name}, {len(outcome.table.positions)} points",
+        *(f"not in the file: {loss}" for loss in written.losses),
+        *reader_lines(written, dialect_named(format_name)),
+        *_as_configured(written, again, out, axis, section),
+        f"largest difference of a correction after reading it back: {abs(change.amount) * factor:.3g} {unit}",
+    ]
+
+
+def _as_configured(
+    written: Written, table: CorrectionTable, out: Path, axis: AxisPlan, section: AxisSection
+) -> list[str]:
+    """Return what is wrong where the axis's configuration, as it is, would read another table."""
+    try:
+        read = parse_table(written.text.encode(), str(out), context_of(section, axis.name)).table
+        units = axis.settings.units
+        change = largest_change(table.in_units(units), read.in_units(units), axis)
+        if abs(change.amount) <= 0.5 * axis.settings.step:
+            return []
+        why = "it would be read as another table"
+    except (TabFileError, TableError, ValueError) as error:
+        why = str(error)
+    return [f"not for table_options as they are in the configuration ({why}): change them with the table"]
+
+
+def survey_of(path: Path, axis: AxisPlan) -> Survey:
+    """Read a file of readings of the axis, in its units. Raises FileError."""
+    try:
+        survey = read_survey(path, ReadingsContext(axis=axis.name))
+        return survey.in_units(axis.settings.units)
+    except TabFileError as error:
+        raise FileError(str(error)) from None
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from None
+
+
+def survey_before(path: Path, axis: AxisPlan) -> Survey:
+    """Read the readings that a report calls those before. Raises FileError: a table was in use already."""
+    survey = survey_of(path, axis)
+    try:
+        check_uncorrected(str(path), survey.facts, "give with --before what was measured without a table")
+    except ReadingsError as error:
+        raise FileError(str(error)) from None
+    return survey
+
+
+def _told(outcome: Outcome) -> tuple[str, ...]:
+    """Return what the report has to say beside its figures: of a refined table there are none in it."""
+    if not outcome.is_refined or outcome.left_out is None:
+        return outcome.notes
+    left = left_out_text(small_unit(outcome.survey.units), outcome.left_out)
+    return (*outcome.notes, f"the next table, made of these readings, will leave between its points {left}")
+
+
+def write_report(outcome: Outcome, path: Path, axis: str, before: Survey | None, *, force: bool) -> None:
+    """Write the report; ``before`` are readings of an earlier run, without a table. Raises FileError."""
+    from gateway.report.errors import ReportError
+    from gateway.report.story import AxisStory, Report
+    from gateway.report.writing import write_report as write_file
+
+    survey = outcome.survey
+    if outcome.is_refined:
+        # beside readings with a table stands that table, not the better one that was made of them
+        story = AxisStory(axis, survey.units, outcome.active, before, survey)
+    else:
+        after = predicted_residue(survey, outcome.table)
+        story = AxisStory(axis, survey.units, outcome.table, survey, after, is_predicted=True)
+    story = replace(story, facts=survey.facts, left_out=outcome.left_out, notes=_told(outcome))
+    report = Report(f"Axis {axis}", (story,), survey.facts.get("measured", ""))
+    try:
+        write_file(report, path, force=force)
+    except ReportError as error:
+        raise FileError(str(error)) from None

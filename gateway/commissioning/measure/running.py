@@ -1,0 +1,329 @@
+"""The measuring run itself: from stop to stop, a reading at each, and an axis that stands when it ends.
+
+The request to stop comes at any time, and is obeyed between two exchanges, never inside one.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Protocol, TypeVar
+
+from gateway.commissioning.measure.axis_link import AxisLink, Look, LostAxisError
+from gateway.commissioning.measure.errors import AxisError, BadReadingError, StoppedError
+from gateway.commissioning.measure.instruments import Instrument, Lines
+from gateway.commissioning.measure.readings_file import ReadingsFile
+from gateway.metrology.cycle import Stop
+from gateway.metrology.readings import Reading
+
+POLL_S: Final = 0.02
+STILL: Final = 3
+"""So many looks in a row must show the axis standing at its target."""
+STILL_FOR_SURE: Final = 25
+"""So many where it could not be stopped: half a second in one place."""
+STOP_TIMEOUT_S: Final = 10.0
+Result = TypeVar("Result")
+
+
+class Showing(Protocol):
+    """Told of everything as it happens. Positions are in units of the axis."""
+
+    def say(self, text: str) -> None:
+        """Say one sentence."""
+        ...
+
+    def begin(self, total: int, done: int) -> None:
+        """So many readings are to be taken, of which some are there already."""
+        ...
+
+    def going(self, stop: Stop) -> None:
+        """The axis was commanded to a stop."""
+        ...
+
+    def waiting(self, stop: Stop) -> None:
+        """The axis stands at a stop, and the next reading is that of it."""
+        ...
+
+    def took(self, reading: Reading) -> None:
+        """A reading was taken, and is on the disk."""
+        ...
+
+    def happened(self, event: str, facts: Mapping[str, Any]) -> None:
+        """Something that a program wants to know; a person is told in words."""
+        ...
+
+    def end(self) -> None:
+        """Nothing moves any more."""
+        ...
+
+
+class Halt:
+    """Every wait of a measuring run goes through here, and ends at once when somebody wants it to stop."""
+
+    def __init__(self) -> None:
+        self._asked = asyncio.Event()
+        self._why = ""
+
+    def ask(self, why: str) -> None:
+        """Ask for the end; the first reason is the one that is told."""
+        if not self._asked.is_set():
+            self._why = why
+            self._asked.set()
+
+    def check(self) -> None:
+        """Raise StoppedError if the end was asked for."""
+        if self._asked.is_set():
+            raise StoppedError(self._why)
+
+    async def wait(self, seconds: float) -> None:
+        """Wait. Raises StoppedError as soon as the end is asked for."""
+        self.check()
+        try:
+            async with asyncio.timeout(seconds):
+                await self._asked.wait()
+        except TimeoutError:
+            return
+        self.check()
+
+    async def during(self, work: Coroutine[object, object, Result]) -> Result:
+        """Return what ``work`` brings; it is cancelled when the end is asked for first.
+
+        Raises:
+            StoppedError: it was.
+        """
+        if self._asked.is_set():
+            work.close()
+            self.check()
+        task = asyncio.ensure_future(work)
+        asked = asyncio.ensure_future(self._asked.wait())
+        try:
+            await asyncio.wait((task, asked), return_when=asyncio.FIRST_COMPLETED)
+            if task.done():
+                return task.result()
+            raise StoppedError(self._why)
+        finally:
+            for each in (task, asked):
+                each.cancel()
+            await asyncio.gather(task, asked, return_exceptions=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Manners:
+    """How a run goes; lengths in units of the axis."""
+
+    dwell_s: float
+    """From the arrival to the reading."""
+    window: float
+    """How near to its target the axis counts as there."""
+    move_timeout_s: float
+    largest_deviation: float
+    """A reading that is farther away from its target is asked for again: a slip, or an instrument's zero."""
+    sign: float = 1.0
+    """-1 where the instrument counts the other way."""
+    zero_at: float = 0.0
+    """Machine position at which the instrument shows 0."""
+    scale: float = 1.0
+    """Units of the axis for one of the instrument's."""
+
+
+class Run:
+    """One measuring run."""
+
+    def __init__(
+        self,
+        link: AxisLink,
+        instrument: Instrument,
+        manners: Manners,
+        file: ReadingsFile,
+        *,
+        showing: Showing,
+        halt: Halt,
+    ) -> None:
+        self._link = link
+        self._instrument = instrument
+        self._manners = manners
+        self._file = file
+        self._showing = showing
+        self._units = link.plan.settings.units.value
+        self.halt = halt
+        self.readings: list[Reading] = []
+        self.may_move = False
+        """Whether the axis may be under way: a command has left, and nobody has seen it arrive."""
+        self.lines: Lines | None = None
+        """Where a person can be asked whether to read again; None: nobody is there."""
+        self.check_unchanged: Callable[[], Awaitable[None]] | None = None
+        """Raises AxisError when the compensation is not what it was."""
+
+    async def stops(self, stops: Sequence[Stop]) -> None:
+        """Go to the stops one after the other, and read where there is something to read.
+
+        Raises:
+            MeasureError: it ended early; the axis may still be moving: see :meth:`leave_standing`.
+        """
+        for stop in stops:
+            self.halt.check()
+            await self._move(stop)
+            if stop.measure:
+                await self.halt.wait(self._manners.dwell_s)
+                reading = await self._reading(stop)
+                self._file.append(reading)
+                self.readings.append(reading)
+                self._showing.took(reading)
+
+    async def leave_standing(self, link: AxisLink | None = None) -> str:
+        """Stop the axis if it may be moving, and say where it stands and how it was stopped.
+
+        ``link``: another connection, where the own one is lost.
+
+        Raises:
+            AxisError: nobody knows whether it stands.
+        """
+        self._link = link or self._link
+        how = ""
+        if self.may_move:
+            try:
+                how = f"it was {await self._link.stop()}"
+            except LostAxisError:
+                raise
+            except AxisError as error:  # who refuses the stop has refused the move before, most likely
+                look = await self._until_still(STILL_FOR_SURE)
+                self.may_move = False
+                return f"{self._stands(look)}; its stop was refused: {error}"
+        look = await self._until_still()
+        if self.may_move:
+            await self._link.let_go()
+            if not self._is_near((await self._until_still()).position, look.position):
+                await self._link.stop()
+                raise AxisError("it moved again when its stop was taken back, and was stopped once more")
+            self.may_move = False
+        return f"{self._stands(look)}; {how}" if how else self._stands(look)
+
+    def _stands(self, look: Look) -> str:
+        return f"axis {self._link.plan.name} stands at {look.position:.6g} {self._units}"
+
+    async def _until_still(self, looks: int = STILL) -> Look:
+        first = await self._link.look()
+        still = 0
+        try:
+            async with asyncio.timeout(STOP_TIMEOUT_S):
+                while still < looks:
+                    await asyncio.sleep(POLL_S)
+                    look = await self._link.look()
+                    if self._is_near(look.position, first.position) and not look.is_moving:
+                        still += 1
+                    else:
+                        still, first = 0, look
+        except TimeoutError:
+            raise AxisError(
+                f"axis {self._link.plan.name} still moves {STOP_TIMEOUT_S:g} s after the stop command: press "
+                "the emergency stop"
+            ) from None
+        return first
+
+    def _is_near(self, one: float, other: float) -> bool:
+        return abs(one - other) <= self._slack
+
+    @property
+    def _slack(self) -> float:
+        """By how much the position of an axis that stands may change."""
+        settings = self._link.plan.settings
+        return max(settings.hysteresis, 2.0 * settings.step)
+
+    async def _move(self, stop: Stop) -> None:
+        self._showing.going(stop)
+        starts = await self._link.starts()
+        self.may_move = True
+        await self._link.go(stop.nominal, starts)
+        loop = asyncio.get_running_loop()
+        give_up_s = loop.time() + self._manners.move_timeout_s
+        still, last = 0, await self._link.look()
+        while still < STILL:
+            await self.halt.wait(POLL_S)
+            look = await self._link.look()
+            if look.is_alarm:
+                raise AxisError(
+                    f"axis {self._link.plan.name} reports an alarm on the way to {stop.nominal:.9g}"
+                )
+            is_there = abs(look.position - stop.nominal) <= self._manners.window
+            is_still = self._is_near(look.position, last.position)
+            says_so = look.is_done is not False and look.is_moving is not True
+            still, last = (still + 1 if is_there and is_still and says_so else 0), look
+            if loop.time() > give_up_s:
+                raise AxisError(self._why_not_there(stop, look))
+        self.may_move = False
+
+    def _why_not_there(self, stop: Stop, look: Look) -> str:
+        limit, away = self._manners.move_timeout_s, abs(look.position - stop.nominal)
+        name = self._link.plan.name
+        if away > self._manners.window:
+            return (
+                f"axis {name} is at {look.position:.9g} {limit:g} s after it was sent to {stop.nominal:.9g}: "
+                "does it move at all? longer moves need --move-timeout; a wider --window than "
+                f"{self._manners.window:g} where it stops {away:.6g} {self._units} away"
+            )
+        return f"axis {name} is at {stop.nominal:.9g}, but its bits do not say so within {limit:g} s"
+
+    async def _reading(self, stop: Stop) -> Reading:
+        way = stop.direction.name.lower()
+        where = f"{stop.nominal:.9g} {self._units} {way}, run {stop.run}"
+        while True:
+            try:
+                before = await self._position_at(stop)
+                raw = await self.halt.during(self._read(where, stop))
+                reading = self._checked(stop, raw)
+            except BadReadingError as error:
+                await self._ask_again(where, error)
+                continue
+            await self._check_still(stop, before)
+            return reading
+
+    async def _position_at(self, stop: Stop) -> float:
+        """Return where the axis is. Raises AxisError: not at its target any more."""
+        here = await self._link.position()
+        if abs(here - stop.nominal) > self._manners.window + self._slack:
+            raise AxisError(
+                f"axis {self._link.plan.name} is at {here:.9g} and no longer at {stop.nominal:.9g}, where it "
+                "had arrived: somebody else moves it, or its drive lets go; no reading was taken"
+            )
+        return here
+
+    async def _read(self, where: str, stop: Stop) -> float:
+        """Read the instrument. It is told of what came too early before anybody is asked for a reading."""
+        self._instrument.arm()
+        self._showing.waiting(stop)
+        return await self._instrument.read(where)
+
+    def _checked(self, stop: Stop, raw: float) -> Reading:
+        manners = self._manners
+        measured = manners.zero_at + manners.sign * manners.scale * raw
+        reading = Reading(stop.nominal, stop.direction, measured, stop.run)
+        if abs(reading.deviation) > manners.largest_deviation:
+            raise BadReadingError(
+                f"{raw:.9g} makes {measured:.9g} {self._units}, {reading.deviation:+.6g} from the target: "
+                f"more than {manners.largest_deviation:g} (--largest-deviation): a slip, the zero of the "
+                "instrument (--zero-at), its sign (--reversed) or its units (--reading-units)?"
+            )
+        return reading
+
+    async def _ask_again(self, where: str, error: BadReadingError) -> None:
+        """Show what was wrong; read again only if somebody says so."""
+        if self.lines is None:
+            raise error
+        self._showing.say(f"{where}: {error}")
+        while True:
+            self._showing.say("r reads again, q stops")
+            answer = await self.halt.during(self.lines.line())
+            if answer == "r":
+                return
+            if answer in ("q", None):
+                raise StoppedError("q on the keyboard" if answer else "standard input has ended") from error
+
+    async def _check_still(self, stop: Stop, before: float) -> None:
+        """The axis must stand where it stood, and nobody may have switched the compensation meanwhile."""
+        here = await self._link.position()
+        if not self._is_near(here, before):
+            raise AxisError(
+                f"axis {self._link.plan.name} moved from {before:.9g} to {here:.9g} while it was read at "
+                f"{stop.nominal:.9g}: somebody else moves it; the reading was not taken"
+            )
+        if self.check_unchanged is not None:
+            await self.check_unchanged()

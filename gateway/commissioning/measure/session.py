@@ -1,0 +1,300 @@
+"""A measuring run from the first look at the axis to the last reading: connections, signals, files.
+
+Between the two a person is told what will happen.
+"""
+
+import asyncio
+import signal
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass
+from itertools import pairwise
+from math import inf
+from typing import Any, Final
+
+from gateway.commissioning.measure.axis_link import AxisLink, LostAxisError, Recipe
+from gateway.commissioning.measure.checks import (
+    Compensation,
+    check_line,
+    check_overrun,
+    check_range,
+    check_standing,
+    check_writer,
+    compensation_of,
+)
+from gateway.commissioning.measure.errors import AxisError, MeasureError
+from gateway.commissioning.measure.instruments import Instrument, Lines
+from gateway.commissioning.measure.readings_file import MeasuringPlan, ReadingsFile
+from gateway.commissioning.measure.running import Halt, Manners, Run, Showing
+from gateway.exchange.plan import AxisPlan, Reference
+from gateway.metrology.cycle import Stop
+from gateway.metrology.readings import Reading
+from gateway.state.plan import ControllerLink, LinePlan
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from gateway.transport.errors import TransportError
+from gateway.transport.master import ModbusMaster
+
+ANY_ADDRESSES: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 - a listener's own
+FREE_AFTER_S: Final = 0.5
+Status = Callable[[], Mapping[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The axis, how it is driven, and where it is reached."""
+
+    line: LinePlan
+    recipe: Recipe
+    controller: ControllerLink
+    endpoint: TcpEndpoint | SerialEndpoint
+
+    def master(self) -> ModbusMaster:
+        """Return a master on the gateway's listener."""
+        return ModbusMaster(self.endpoint, self.controller.plan.timeout_ms)
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What was found before anything moves."""
+
+    compensation: Compensation
+    position: float
+    needed_mode: tuple[int, int] | None
+
+
+def endpoint_of(link: ControllerLink, port: str | None) -> TcpEndpoint | SerialEndpoint:
+    """Return where a listener is reached from here.
+
+    Raises:
+        AxisError: a serial one without --port, or --port for one that is not serial.
+    """
+    endpoint, name = link.endpoint, link.plan.name
+    if isinstance(endpoint, TcpEndpoint):
+        if port is not None:
+            raise AxisError(f"--port: controller {name} listens on {endpoint}: it is reached by TCP")
+        return TcpEndpoint(ANY_ADDRESSES.get(endpoint.host, endpoint.host), endpoint.port, endpoint.rtu)
+    if port is None:
+        raise AxisError(
+            f"controller {name} is the serial port {endpoint.device} of the gateway: give --port, the port "
+            "of this computer at the other end of that cable, in place of the controller"
+        )
+    return SerialEndpoint(
+        port, endpoint.baudrate, endpoint.parity, endpoint.data_bits, endpoint.stop_bits, endpoint.echo
+    )
+
+
+@asynccontextmanager
+async def connected(place: Place) -> AsyncIterator[AxisLink]:
+    """Connect to the gateway. Raises AxisError: nobody there, in use, no permission."""
+    try:
+        async with place.master() as master:
+            yield AxisLink(master, place.recipe)
+    except TransportError as error:
+        raise AxisError(
+            f"controller {place.controller.plan.name} ({place.endpoint}): {error.detail}"
+        ) from None
+
+
+async def look(place: Place, plan: MeasuringPlan, stops: list[Stop], status: Status) -> Seen:
+    """Look at everything that must be right before the axis moves. Nothing is written.
+
+    Raises:
+        AxisError: something is not.
+    """
+    axis = place.recipe.plan
+    now = status()
+    check_line(now, place.line)
+    compensation = compensation_of(now, axis)
+    await _until_free(status, axis)
+    check_overrun(axis, plan.overrun)
+    async with connected(place) as link:
+        check_range(link, stops, is_corrected=compensation.is_active)
+        position = await check_standing(link)
+        await link.starts()
+        return Seen(compensation, position, await link.needed_mode())
+
+
+async def _until_free(status: Status, axis: AxisPlan) -> None:
+    """Wait while a program that has ended may still hold the axis. Raises AxisError: somebody holds on."""
+    loop = asyncio.get_running_loop()
+    give_up_s = loop.time() + axis.writer_hold_s + FREE_AFTER_S
+    while True:
+        try:
+            return check_writer(status(), axis)
+        except AxisError:
+            if loop.time() > give_up_s:
+                raise
+        await asyncio.sleep(FREE_AFTER_S / 2)
+
+
+class Session:
+    """Runs the stops that are left. What was read stays in :attr:`readings` however it ends."""
+
+    def __init__(
+        self, place: Place, instrument: Instrument, manners: Manners, file: ReadingsFile, showing: Showing
+    ) -> None:
+        self.readings: list[Reading] = []
+        self.stopped_by: signal.Signals | None = None
+        self._place = place
+        self._instrument = instrument
+        self._manners = manners
+        self._file = file
+        self._showing = showing
+
+    async def run(self, stops: list[Stop], seen: Seen, status: Status, lines: Lines | None) -> None:
+        """Measure. The axis stands when it ends, or the error says that nobody knows.
+
+        Raises:
+            MeasureError: it ended early.
+        """
+        halt = Halt()
+        self._listen(halt)
+        await self._instrument.open()
+        try:
+            async with connected(self._place) as link:
+                run = Run(link, self._instrument, self._manners, self._file, showing=self._showing, halt=halt)
+                run.lines = lines
+                run.readings = self.readings
+                run.check_unchanged = self._unchanged(seen, status)
+                # A person has thought about the question meanwhile.
+                check_writer(await asyncio.to_thread(status), self._place.recipe.plan)
+                await run.check_unchanged()
+                await check_standing(link)
+                await self._measure(run, link, stops, seen)
+        finally:
+            self._instrument.close()
+
+    async def _measure(self, run: Run, link: AxisLink, stops: list[Stop], seen: Seen) -> None:
+        try:
+            if seen.needed_mode is not None:
+                await link.set_mode(seen.needed_mode[1])
+            await run.stops(stops)
+        except BaseException as error:  # whatever it was, the axis must not go on by itself
+            with suppress(Exception):  # who shows it may be gone: the axis has to be stopped all the same
+                self._showing.end()
+                self._showing.say(f"stopping: {error}")
+                self._showing.happened("stopping", {"error": str(error)})
+            await self._leave_standing(run, error)
+            raise
+        self._showing.end()
+
+    async def _leave_standing(self, run: Run, error: BaseException) -> None:
+        try:
+            try:
+                self._told(await run.leave_standing())
+            except LostAxisError:
+                await self._stop_anew(run)
+        except MeasureError as second:
+            with suppress(Exception):  # nobody may be listening: what was raised says it as well
+                self._showing.happened("stop-failed", {"error": str(second), "may_move": run.may_move})
+            if not run.may_move:
+                return
+            raise AxisError(
+                f"{error}; then the stop failed: {second}. THE AXIS MAY STILL BE MOVING: press the emergency "
+                "stop"
+            ) from None
+
+    async def _stop_anew(self, run: Run) -> None:
+        """The connection is gone, perhaps only that one: stop the axis over another."""
+        async with connected(self._place) as link:
+            self._told(await run.leave_standing(link))
+
+    def _told(self, how: str) -> None:
+        with suppress(Exception):  # nobody may be listening any more
+            self._showing.say(how)
+            self._showing.happened("standing", {"text": how})
+
+    def _listen(self, halt: Halt) -> None:
+        loop = asyncio.get_running_loop()
+
+        def stop(number: signal.Signals) -> None:
+            self.stopped_by = self.stopped_by or number
+            halt.ask("Ctrl-C" if number is signal.SIGINT else number.name)
+
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            loop.add_signal_handler(number, stop, number)
+
+    def _unchanged(self, seen: Seen, status: Status) -> Callable[[], Any]:
+        """Return what checks that readings with and without a table are never mixed."""
+        axis = self._place.recipe.plan
+
+        async def check() -> None:
+            now = compensation_of(await asyncio.to_thread(status), axis)
+            if now.fact != seen.compensation.fact:
+                raise AxisError(
+                    f"the compensation of axis {axis.name} changed from {seen.compensation.fact} to "
+                    f"{now.fact} while it was measured: the last reading was not taken"
+                )
+
+        return check
+
+
+MINUTE_S: Final = 60.0
+SETTLE_S: Final = 0.3
+"""Looks at an axis that has arrived, and the exchanges of one stop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """What the estimate of the time needs; ``speed`` in units of the axis per second."""
+
+    dwell_s: float
+    speed: float | None
+
+
+def preview(place: Place, seen: Seen, stops: Sequence[Stop], instrument: str, pace: Pace) -> Iterator[str]:
+    """Yield which axis moves, how far, how often, with what correction, and how it is stopped."""
+    recipe, axis = place.recipe, place.recipe.plan
+    units, state = axis.settings.units.value, seen.compensation.state
+    low, high = min(stop.nominal for stop in stops), max(stop.nominal for stop in stops)
+    use = f"{axis.table_name} is refined" if seen.compensation.is_active else "the readings make a new table"
+    readings = sum(stop.measure for stop in stops)
+    here = f"{seen.position:.6g} {units}"
+    yield f"Axis {axis.name} stands at {here} and WILL MOVE between {low:.9g} and {high:.9g} {units}."
+    yield f"  stops         {len(stops)}, with a reading at {readings} of them"
+    yield f"  compensation  {state}: {use}"
+    yield f"  instrument    {instrument}"
+    yield f"  connection    controller {place.controller.plan.name} at {place.endpoint}"
+    yield f"  each move     begins with {recipe.start or 'the writing of its target'}"
+    yield f"  Ctrl-C        {recipe.stop or 'commands it back to where it is then: its map names no stop'}"
+    yield "  speed         the drive's own, for no register map names a speed: make it slow at the drive"
+    yield f"  time          {_time(place, stops, seen.position, pace)}"
+    if seen.needed_mode is not None and recipe.mode is not None:
+        before, after = seen.needed_mode
+        yield f"  mode          register {recipe.mode.address:#06x} is set from {before:#06x} to {after:#06x}"
+    if axis.referenced in (Reference.HOMING, Reference.SET_POSITION) and not seen.compensation.is_active:
+        yield "  homed?        nobody can tell while nothing is corrected: home it before"
+    yield from _terms(axis, is_active=seen.compensation.is_active)
+    if axis.settings.machine_offset:
+        off = -axis.settings.machine_offset
+        yield f"  positions     machine positions, as in travel and the table; the controller's: {off:+.9g}"
+
+
+def _terms(axis: AxisPlan, *, is_active: bool) -> Iterator[str]:
+    """Yield what is added beside the table, or will be: it must not be measured into the table too."""
+    if axis.thermal is not None and is_active:
+        yield "  thermal       in force: the table is refined as if the screw were at its reference"
+    elif axis.thermal is not None:
+        at = axis.thermal.reference
+        yield f"  thermal       not in force now, but on the new table: it is to hold at {at:g} °C"
+    for cross in axis.cross:
+        if is_active:
+            yield f"  cross {cross.axis:7} in force: the table is refined without what {cross.axis} does"
+        else:
+            yield (
+                f"  cross {cross.axis:7} not in force now, but on the new table: let it stand where "
+                f"{cross.table_name} is 0"
+            )
+
+
+def _time(place: Place, stops: Sequence[Stop], position: float, pace: Pace) -> str:
+    ways = [position, *(stop.nominal for stop in stops)]
+    distance = sum(abs(after - before) for before, after in pairwise(ways))
+    waits_s = len(stops) * SETTLE_S + sum(stop.measure for stop in stops) * pace.dwell_s
+    settings = place.recipe.plan.settings
+    speed = pace.speed or settings.max_speed
+    units = settings.units.value
+    if not 0.0 < speed < inf:
+        return f"{waits_s / MINUTE_S:.1f} min of waiting, and {distance:.6g} {units} of moves (give --speed)"
+    whole_s = waits_s + distance / speed
+    return f"about {whole_s / MINUTE_S:.1f} min, where it moves with {speed:g} {units}/s"

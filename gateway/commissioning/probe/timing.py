@@ -1,0 +1,311 @@
+"""How long drives take to answer, and what the time-outs of their line ought to be; by reads, nothing else.
+
+What is proposed stands on what was seen here, with a margin: a drive that writes into its memory, or that is
+reached over a busy network, takes longer than one that is read. So nothing goes below ``LEAST_MS``.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from math import ceil, log10
+from typing import Any, Final
+
+from gateway.commissioning.probe.readings import Place, frame_of, places_of
+from gateway.exchange.axis.axis import Axis
+from gateway.state.plan import LinePlan
+from gateway.times import NS_PER_MS
+from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.master import ModbusMaster, NoReplyError
+
+READS: Final = 100
+"""Of each unit id, for its times."""
+GAP_READS: Final = 50
+"""Of each unit id with each gap; all unit ids of a line in turn, as a controller asks them."""
+GAPS_MS: Final = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+GIVEN_UP_AFTER: Final = 3
+"""Lost answers in a row: the drive is not there."""
+TIMEOUT_MARGIN: Final = 4.0
+"""Times the longest answer: what was never seen here, such as a write into the drive's memory."""
+DRAIN_MARGIN: Final = 2.0
+"""Times the longest answer: a late one that has begun when its time is over comes within that."""
+LEAST_MS: Final = 50.0
+LEAST_DRAIN_MS: Final = 20.0
+
+
+@dataclass(slots=True)
+class UnitTimes:
+    """Answers of one unit id, in ms, in the order in which they came."""
+
+    axis: str
+    unit_id: int
+    took_ms: list[float] = field(default_factory=list)
+    lost: int = 0
+
+    def within(self, share: float) -> float:
+        """Return the time within which this share of the answers came."""
+        return sorted(self.took_ms)[max(0, ceil(share * len(self.took_ms)) - 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """Keys of a line, in ms."""
+
+    response_timeout_ms: float
+    drain_ms: float | None
+    """None where a line needs none: Modbus/TCP knows late replies by their numbers."""
+    gap_ms: float
+
+
+@dataclass(slots=True)
+class LineTimes:
+    """What was measured of one line."""
+
+    line: LinePlan
+    units: list[UnitTimes] = field(default_factory=list)
+    lost_with_gap: dict[float, int] = field(default_factory=dict)
+    """Answers that were lost, by the gap in ms that was kept; the first without any is the last."""
+    left_out: list[str] = field(default_factory=list)
+
+    @property
+    def problem(self) -> str:
+        """Why nothing can be proposed; empty where it can."""
+        silent = [str(unit.unit_id) for unit in self.units if not unit.took_ms]
+        if silent:
+            within = f"within response_timeout_ms = {self.line.timing.response_timeout_ms:g}"
+            return (
+                f"unit id {', '.join(silent)} did not answer {within}: nothing is proposed before it does; "
+                "where it is on and wired, raise response_timeout_ms and measure again"
+            )
+        if not self.units:
+            return "nothing may be read: nothing is proposed"
+        if self.gap_ms is None:
+            return f"answers are lost even with {GAPS_MS[-1]:g} ms of silence before each: mend the wire"
+        return ""
+
+    @property
+    def gap_ms(self) -> float | None:
+        """The shortest gap with which nothing was lost; None: there is none."""
+        return next((gap_ms for gap_ms, lost in self.lost_with_gap.items() if not lost), None)
+
+    @property
+    def now(self) -> Proposal:
+        """What is configured."""
+        timing = self.line.timing
+        return Proposal(
+            timing.response_timeout_ms, timing.drain_ms if has_drain(self.line) else None, timing.gap_ms
+        )
+
+    @property
+    def proposed(self) -> Proposal | None:
+        """What these times ask for; None where :attr:`problem` says why not."""
+        if self.problem or self.gap_ms is None:
+            return None
+        longest_ms = max(max(unit.took_ms) for unit in self.units)
+        # A gap that is configured or stands in a register map may be one that a manual asks for.
+        gap_ms = max(self.gap_ms, self.line.timing.gap_ms)
+        return propose(longest_ms, gap_ms, has_drain=has_drain(self.line))
+
+    def cost_ms(self, of: Proposal) -> float:
+        """Return for how long a drive that falls silent keeps what moves the others waiting (W6, W11).
+
+        That happens three times, and each time that it is asked on a line that does not back off. It is
+        waited for as long as the most patient controller waits.
+        """
+        patience_ms = (controller.plan.timeout_ms for controller in self.line.controllers)
+        return max(of.response_timeout_ms, *patience_ms, 0.0) + (of.drain_ms or 0.0)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "units": {
+                str(unit.unit_id): {
+                    "axis": unit.axis,
+                    "reads": len(unit.took_ms) + unit.lost,
+                    "lost": unit.lost,
+                    "p50_ms": round(unit.within(0.5), 3) if unit.took_ms else None,
+                    "p99_ms": round(unit.within(0.99), 3) if unit.took_ms else None,
+                    "max_ms": round(max(unit.took_ms), 3) if unit.took_ms else None,
+                }
+                for unit in self.units
+            },
+            "lost_with_gap_ms": {f"{gap_ms:g}": lost for gap_ms, lost in self.lost_with_gap.items()},
+            "now": self._with_cost(self.now),
+            "proposed": None if self.proposed is None else self._with_cost(self.proposed),
+            "problem": self.problem or None,
+        }
+
+    def _with_cost(self, of: Proposal) -> dict[str, float | None]:
+        return {**asdict(of), "silent_drive_costs_ms": self.cost_ms(of)}
+
+
+def keys_of(proposed: Proposal) -> tuple[str, ...]:
+    """Return a proposal as lines of ``[line.NAME]``; a gap of 0 is left out.
+
+    >>> keys_of(Proposal(50.0, None, 0.0)), keys_of(Proposal(150.0, 70.0, 5.0))
+    (('response_timeout_ms = 50',), ('response_timeout_ms = 150', 'drain_ms = 70', 'gap_ms = 5'))
+    """
+    found = {key: value for key, value in asdict(proposed).items() if value}
+    return tuple(f"{key} = {value:g}" for key, value in found.items())
+
+
+def propose(longest_ms: float, gap_ms: float, *, has_drain: bool) -> Proposal:
+    """Return what a line needs whose slowest answer took so long.
+
+    >>> propose(4.2, 0.0, has_drain=True)
+    Proposal(response_timeout_ms=50.0, drain_ms=20.0, gap_ms=0.0)
+    >>> propose(31.0, 5.0, has_drain=True)
+    Proposal(response_timeout_ms=150.0, drain_ms=70.0, gap_ms=5.0)
+    """
+    timeout_ms = _round_up(max(LEAST_MS, TIMEOUT_MARGIN * longest_ms))
+    drain_ms = _round_up(max(LEAST_DRAIN_MS, DRAIN_MARGIN * longest_ms)) if has_drain else None
+    return Proposal(timeout_ms, drain_ms, gap_ms)
+
+
+def _round_up(value_ms: float) -> float:
+    """Return the next number of few digits: two at most that are no zeros, as 150.
+
+    >>> [_round_up(ms) for ms in (50.0, 62.0, 124.0, 401.0)]
+    [50.0, 70.0, 150.0, 450.0]
+    """
+    step = 10.0 ** int(log10(value_ms))
+    step = step / 2 if value_ms >= 100 else step
+    return float(ceil(value_ms / step - 1e-9) * step)
+
+
+def has_drain(line: LinePlan) -> bool:
+    """Whether a line needs silence after a time-out."""
+    return not isinstance(line.drives, TcpEndpoint) or line.drives.rtu
+
+
+def open_line(line: LinePlan, gap_ms: float) -> ModbusMaster:
+    """Return a master for a line, which keeps its manners but for the gap."""
+    return ModbusMaster(line.drives, line.timing.response_timeout_ms, gap_ms, line.timing.drain_ms)
+
+
+async def measure_line(line: LinePlan) -> LineTimes:
+    """Measure one line whose drives are on.
+
+    Raises:
+        TransportError: it cannot be reached.
+    """
+    found = LineTimes(line)
+    asked = _asked(line, found)
+    async with open_line(line, line.timing.gap_ms) as master:
+        for axis, place in asked:
+            unit = UnitTimes(axis.plan.name, axis.plan.unit_id)
+            found.units.append(unit)
+            await _read_often(master, axis, place, unit)
+    if asked and all(unit.took_ms for unit in found.units):
+        for gap_ms in GAPS_MS:
+            async with open_line(line, gap_ms) as master:
+                lost = await _lost(master, asked)
+            found.lost_with_gap[gap_ms] = lost
+            if not lost:
+                break
+    return found
+
+
+def _asked(line: LinePlan, found: LineTimes) -> list[tuple[Axis, Place]]:
+    """Return what is read of each unit id: the actual position where there is one."""
+    asked: dict[int, tuple[Axis, Place]] = {}
+    for plan in line.axes:
+        places = places_of(plan)
+        if not places:
+            found.left_out.append(f"axis {plan.name}: its register map lets nothing be read")
+            continue
+        place = next((each for each in places if each.name == "actual"), places[0])
+        asked.setdefault(plan.unit_id, (Axis(plan), place))
+    return list(asked.values())
+
+
+async def _read_often(master: ModbusMaster, axis: Axis, place: Place, unit: UnitTimes) -> None:
+    lost_in_a_row = 0
+    for _ in range(READS):
+        took_ms = await _read_once(master, axis, place)
+        if took_ms is None:
+            unit.lost += 1
+            lost_in_a_row += 1
+            if lost_in_a_row >= GIVEN_UP_AFTER:
+                return
+            continue
+        lost_in_a_row = 0
+        unit.took_ms.append(took_ms)
+
+
+async def _lost(master: ModbusMaster, asked: Sequence[tuple[Axis, Place]]) -> int:
+    lost = 0
+    for _ in range(GAP_READS):
+        for axis, place in asked:
+            lost += await _read_once(master, axis, place) is None
+            if lost >= GIVEN_UP_AFTER:
+                return lost
+    return lost
+
+
+async def _read_once(master: ModbusMaster, axis: Axis, place: Place) -> float | None:
+    """Return how long an answer took, in ms, also one that refuses; None: it did not come."""
+    try:
+        await master.exchange(axis.plan.unit_id, frame_of(axis, place).pdu)
+    except NoReplyError:
+        return None
+    return master.took_ns / NS_PER_MS
+
+
+def timing_lines(found: LineTimes) -> Iterator[str]:
+    """Yield what was measured of a line, what is proposed and what it costs."""
+    line = found.line
+    yield f"line {line.name}: answers to reads, from the request to the last byte, in ms"
+    yield from (f"  {_of_unit(unit)}" for unit in found.units)
+    yield from (f"  {left_out}" for left_out in found.left_out)
+    for gap_ms, lost in found.lost_with_gap.items():
+        what = f"{lost} answers lost" if lost else "nothing lost"
+        yield f"  {gap_ms:g} ms of silence before each request, all drives in turn: {what}"
+    proposed = found.proposed
+    if proposed is None:
+        yield f"  error: {found.problem}"
+        return
+    yield f"  now:      {_keys(found.now)}"
+    yield f"  proposed: {_keys(proposed)}"
+    cost_ms, now_ms = found.cost_ms(proposed), found.cost_ms(found.now)
+    times = "three times" if line.timing.backs_off else "each time"
+    yield f"  a drive that falls silent keeps others waiting {times}: {cost_ms:g} ms; now {now_ms:g} ms"
+    yield from (f"  note: {note}" for note in _notes(found, proposed))
+
+
+def _of_unit(unit: UnitTimes) -> str:
+    who = f"axis {unit.axis}, unit id {unit.unit_id}"
+    if not unit.took_ms:
+        return f"{who}: no answer"
+    lost = f"{unit.lost} lost" if unit.lost else "none lost"
+    return (
+        f"{who}: {len(unit.took_ms)} answers, half within {unit.within(0.5):.2f}, 99 % within "
+        f"{unit.within(0.99):.2f}, longest {max(unit.took_ms):.2f}, {lost}"
+    )
+
+
+def _keys(of: Proposal) -> str:
+    drain = "" if of.drain_ms is None else f", drain_ms = {of.drain_ms:g}"
+    return f"response_timeout_ms = {of.response_timeout_ms:g}{drain}, gap_ms = {of.gap_ms:g}"
+
+
+def _notes(found: LineTimes, proposed: Proposal) -> Iterator[str]:
+    yield (
+        "only reads were measured: a drive that stores what it is told may need longer; raise "
+        "response_timeout_ms where writes are not answered in time"
+    )
+    if found.gap_ms is not None and found.gap_ms < proposed.gap_ms:
+        yield (
+            f"nothing was lost with {found.gap_ms:g} ms of silence; gap_ms = {proposed.gap_ms:g} is "
+            "configured or stands in the register map of a drive: shorten it only where no manual asks for it"
+        )
+    patient = [
+        f"{controller.plan.name} ({controller.plan.timeout_ms:g})"
+        for controller in found.line.controllers
+        if controller.plan.timeout_ms > proposed.response_timeout_ms
+    ]
+    if patient:
+        shortest_ms = proposed.response_timeout_ms + (proposed.drain_ms or 0.0)
+        yield (
+            f"a drive is waited for as long as the most patient controller waits: timeout_ms of "
+            f"{', '.join(patient)}; with {proposed.response_timeout_ms:g} there a silent drive costs "
+            f"{shortest_ms:g} ms"
+        )

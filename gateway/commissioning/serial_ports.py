@@ -1,0 +1,119 @@
+"""The serial ports of this machine, by the names that last, and what answers on one that is silent.
+
+To find drives one register is read, of one unit id after the other, at one setting after the other; nothing
+is written. Any answer counts, also one that refuses: only a drive that is set alike makes a whole frame.
+"""
+
+import os
+import struct
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from gateway.commissioning.first_configuration import PARITIES, Serial, format_words
+from gateway.commissioning.listen.serial_line import settings_to_try
+from gateway.commissioning.probe.readings import LAST_UNIT_ID
+from gateway.modbus.pdu import FunctionCode
+from gateway.transport.endpoints import SerialEndpoint
+from gateway.transport.master import GarbledError, ModbusMaster, SilentError
+
+LASTING: Final = (
+    Path("/dev/pitch-gateway/by-serial"),
+    Path("/dev/serial/by-id"),
+    Path("/dev/pitch-gateway/by-socket"),
+    Path("/dev/serial/by-path"),
+)
+"""Where udev keeps names that stay, of the adapter or of its socket; ours come with an installation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A serial port."""
+
+    path: str
+    """Its most lasting name."""
+    device: str
+    """What it leads to today."""
+
+    def __str__(self) -> str:
+        """Return both names, where they differ."""
+        return self.path if self.path == self.device else f"{self.path} (now {self.device})"
+
+
+def serial_ports(lasting: tuple[Path, ...] = LASTING) -> list[Found]:
+    """Return the serial ports that are there; those that have no lasting name by their device."""
+    from serial.tools.list_ports import comports
+
+    found: dict[str, Found] = {}
+    for folder in lasting:
+        for link in sorted(folder.iterdir()) if folder.is_dir() else ():
+            device = os.path.realpath(link)
+            found.setdefault(device, Found(str(link), device))
+    for port in sorted(comports()):
+        found.setdefault(port.device, Found(port.device, port.device))
+    return list(found.values())
+
+
+FIRST_UNIT_IDS: Final = range(1, 9)
+"""Asked at each setting: one of the drives of a machine has one of these."""
+WAIT_MS: Final = 60.0
+"""For an answer, beyond what its bytes take."""
+DRAIN_MS: Final = 20.0
+ASKED_CHARACTERS: Final = 8 + 7
+"""Of a read of one register and its reply."""
+
+
+class Scanned(NamedTuple):
+    """A setting at which drives answer, and their unit ids."""
+
+    serial: Serial
+    unit_ids: tuple[int, ...]
+
+
+async def scan(
+    device: str, offered: Serial, address: int, unit_ids: Iterable[int], say: Callable[[str], None]
+) -> Scanned | None:
+    """Return the first setting at which something answers, with everybody who does; None: nobody does.
+
+    ``offered`` is tried first. ``address``: the register that is read. ``unit_ids`` are asked at each setting
+    too. ``say`` gets a line for each setting.
+
+    Raises:
+        TransportError: the port is absent, in use or not allowed.
+        LostError: the port went away.
+    """
+    usual = (
+        Serial(each.baudrate, PARITIES[each.parity], offered.stop_bits)
+        for each in settings_to_try(None, None)
+    )
+    first = tuple(dict.fromkeys((*FIRST_UNIT_IDS, *unit_ids)))
+    for serial in dict.fromkeys((offered, *usual)):
+        found = await _answering(device, serial, address, first)
+        if found:
+            said = f"an answer from unit id {found[0]}; asking the others up to {LAST_UNIT_ID}"
+            say(f"{format_words(serial)}: {said}")
+            others = [each for each in range(1, LAST_UNIT_ID + 1) if each not in first]
+            found += await _answering(device, serial, address, others)
+            return Scanned(serial, tuple(sorted(found)))
+        say(f"{format_words(serial)}: no answer")
+    return None
+
+
+async def _answering(device: str, serial: Serial, address: int, unit_ids: Iterable[int]) -> list[int]:
+    """Return who answers at a setting."""
+    assert serial.baudrate is not None
+    assert serial.stop_bits is not None
+    letter = next(letter for letter, word in PARITIES.items() if word == serial.parity)
+    endpoint = SerialEndpoint(device, serial.baudrate, letter, stop_bits=serial.stop_bits)
+    wire_ms = 1000.0 * ASKED_CHARACTERS * endpoint.bits_per_character / serial.baudrate
+    read = struct.pack(">BHH", FunctionCode.READ_HOLDING_REGISTERS, address, 1)
+    found = []
+    async with ModbusMaster(endpoint, WAIT_MS + wire_ms, drain_ms=DRAIN_MS) as master:
+        for unit_id in unit_ids:
+            try:
+                await master.exchange(unit_id, read)
+            except (SilentError, GarbledError):
+                continue
+            found.append(unit_id)
+    return found
