@@ -5,14 +5,14 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 from signal import SIGINT
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from gateway.cli import measure_options as given
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit
-from gateway.metrology.gauge_kinds import GaugeKind
+from gateway.cli.options import takes_options
+from gateway.commissioning.measure.options import MeasureOptions
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -25,48 +25,17 @@ STOPPED_BY_SIGNAL: Final = 128
 """Added to the number of a signal, this is the exit code of a command that it stopped, as in a shell."""
 
 
+@takes_options
 def measure(
     config: Config,
     *,
-    axis: given.AxisName,
-    controller: given.Controller = None,
-    port: given.Port = None,
-    low: given.From = None,
-    high: given.To = None,
-    step: given.Step = None,
-    targets: given.Targets = None,
-    spread: given.Spread = None,
-    lead: given.Lead = None,
-    seed: given.Seed = 1,
-    runs: given.Runs = 5,
-    overrun: given.Overrun = None,
-    dwell: given.Dwell = 2.0,
-    speed: given.Speed = None,
-    window: given.Window = None,
-    move_timeout: given.MoveTimeout = 120.0,
-    csv: given.CsvFile = None,
-    column: given.Column = "1",
-    delimiter: given.Delimiter = ",",
-    gauge: given.Gauge = None,
-    gauge_kind: given.Kind = GaugeKind.SYLVAC,
-    gauge_baud: given.Baud = None,
-    gauge_request: given.Request = None,
-    gauge_pattern: given.Pattern = None,
-    gauge_timeout: given.GaugeTimeout = 5.0,
-    reading_units: given.ReadingUnits = None,
-    is_reversed: given.Reversed = False,
-    zero_at: given.ZeroAt = 0.0,
-    largest_deviation: given.Largest = None,
-    readings: given.Readings = None,
-    resume: given.Resume = None,
-    out: given.Out = None,
-    out_format: given.OutFormat = None,
-    table_step: given.TableStep = None,
-    force: given.Force = False,
-    report: given.ReportFile = None,
-    before: given.Before = None,
-    yes: given.Yes = False,
-    as_json: given.Json = False,
+    options: MeasureOptions,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Do not ask before the axis moves: for scripts.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Say everything that happens as lines of JSON.")
+    ] = False,
 ) -> None:
     """Measure an axis: drive it to targets through the gateway that runs CONFIG, read an instrument there.
 
@@ -87,21 +56,13 @@ def measure(
         pitch-gateway measure gateway.toml --axis x --resume x.readings.csv --gauge /dev/ttyUSB0
     """
     from gateway.commissioning.measure.errors import EndedEarlyError, MeasureError
-    from gateway.commissioning.measure.measuring import Grid, Measuring, Reader, Results, Scale
+    from gateway.commissioning.measure.measuring import Measuring
 
-    grid = Grid(low, high, step, targets, spread, seed, runs, overrun, lead)
-    reader = Reader(
-        csv, column, delimiter, gauge, gauge_kind, gauge_baud, gauge_request, gauge_timeout, gauge_pattern
-    )
-    scale = Scale(dwell, window, move_timeout, largest_deviation, is_reversed, zero_at, reading_units)
-    results = Results(readings, resume, out, out_format, table_step, force, report, before)
     loaded = load_or_exit(config)
     try:
-        measuring = Measuring(
-            loaded, axis, grid, reader, scale=scale, results=results, controller=controller, port=port
-        )
+        measuring = Measuring(loaded, options)
         if measuring.look():
-            for text in measuring.preview(speed):
+            for text in measuring.preview():
                 typer.echo(text, err=True)
             if not yes:
                 _ask(config)
@@ -113,7 +74,7 @@ def measure(
             path = measuring.readings_file
             typer.echo(
                 f"{error.took} readings are in {path}; go on with: pitch-gateway measure {config} "
-                f"--axis {axis} --resume {path} and the same instrument",
+                f"--axis {options.choice.axis} --resume {path} and the same instrument",
                 err=True,
             )
         raise typer.Exit(1 if error.stopped_by is None else STOPPED_BY_SIGNAL + error.stopped_by) from None

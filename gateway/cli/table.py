@@ -9,9 +9,10 @@ import typer
 from gateway.cli import table_build, table_drift, table_evaluate, table_program, table_refine
 from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
+from gateway.cli.options import takes_options
 from gateway.cli.table_convert import convert
 from gateway.cli.table_formats import formats
-from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
+from gateway.cli.table_options import AsJson, Counts, Told
 from gateway.cli.table_plot import plot
 from gateway.cli.table_reading import fail, inspect, problems, usage
 from gateway.cli.table_template import template
@@ -39,7 +40,7 @@ FAILING: Final = frozenset({"L4"})
 
 
 @app.command()
-@takes_file_options
+@takes_options
 def show(
     file: TableFile,
     *,
@@ -65,7 +66,7 @@ def show(
 
 
 @app.command()
-@takes_file_options
+@takes_options
 def explain(
     file: TableFile,
     *,
@@ -100,7 +101,7 @@ def explain(
 
 
 @app.command()
-@takes_file_options
+@takes_options
 def lint(
     file: TableFile,
     *,

@@ -8,7 +8,8 @@ import typer
 
 from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
-from gateway.cli.table_options import AsJson, Target, Told, Wanted, takes_file_options
+from gateway.cli.options import takes_options
+from gateway.cli.table_options import AsJson, Target, Told, Wanted
 from gateway.cli.table_reading import inspect, problems, usage
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
@@ -36,7 +37,7 @@ from gateway.tabfile.options import MAX_SCALE, MIN_SCALE
 from gateway.tabfile.resampling import Resampled, resample, tidied
 
 
-@takes_file_options
+@takes_options
 def convert(
     file: TableFile,
     out: Annotated[

@@ -8,7 +8,8 @@ from typing import Annotated, Final
 import typer
 
 from gateway.cli import survey_files as shared
-from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
+from gateway.cli.options import takes_options
+from gateway.cli.table_options import AsJson, Counts, Told
 from gateway.cli.table_output import PREDICTED, print_json, print_lines, results_text
 from gateway.cli.table_reading import inspect
 from gateway.metrology import results as judged
@@ -33,7 +34,7 @@ from gateway.tabfile import LoadedTable
 NO_PREDICTION: Final = "what another table would leave cannot be told from it; evaluate it without a table"
 
 
-@takes_file_options
+@takes_options
 def evaluate(
     readings: shared.ReadingFiles,
     *,

@@ -1,20 +1,18 @@
 """Options that the commands of ``pitch-gateway table`` share: what a file does not say about itself.
 
 What can be told about a file is declared in :mod:`gateway.tabfile.options`, the rest in :class:`Told` and
-:class:`Wanted`; :func:`takes_file_options` gives them to a command.
+:class:`Wanted`.
 """
 
-import inspect
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import wraps
-from typing import Annotated, Any, Final
+from typing import Annotated
 
 import typer
 
 from gateway.compensation.units import Units
 from gateway.tabfile import DIALECTS, ErrorSense, FileContext, TableOptions, V1Layout
-from gateway.tabfile.options import DECLARED, Declared
+from gateway.tabfile.options import DECLARED
 
 
 def format_names() -> Sequence[str]:
@@ -49,8 +47,6 @@ def _one_of(names: Sequence[str], name: str | None) -> str | None:
     return name
 
 
-_OF_FORMATS: Final[Mapping[str, Any]] = {"autocompletion": _complete_format, "callback": _known_format}
-"""What typer is told about an option that names a format, besides its declaration."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Target = Annotated[
     str,
@@ -83,6 +79,15 @@ class Told(TableOptions):
     ``units`` tell the ``file_units`` too, of a file that states none.
     """
 
+    format: Annotated[
+        str | None,
+        typer.Option(
+            metavar=DECLARED["format"].option.metavar,
+            help=DECLARED["format"].option.help,
+            autocompletion=_complete_format,
+            callback=_known_format,
+        ),
+    ] = None
     travel: Travel = None
     units: AxisUnits = None
     axis: AxisLetter = None
@@ -136,48 +141,3 @@ class Wanted:
             help="Write an even grid of this step (in units of OUT), and say how much that changes.",
         ),
     ] = None
-
-
-def takes_file_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command, in the place of a parameter that is a :class:`Told` or a :class:`Wanted`, its fields.
-
-    Each field becomes an option of the command.
-    """
-    parameters: list[inspect.Parameter] = []
-    groups: dict[str, tuple[type[Told | Wanted], list[str]]] = {}
-    for name, parameter in inspect.signature(command, eval_str=True).parameters.items():
-        if parameter.annotation in {Told, Wanted}:
-            fields = [field.replace(kind=parameter.kind) for field in _parameters(parameter.annotation)]
-            groups[name] = parameter.annotation, [field.name for field in fields]
-            parameters += fields
-        else:
-            parameters.append(parameter)
-
-    @wraps(command)
-    def run(**options: Any) -> None:
-        for name, (group, fields) in groups.items():
-            options[name] = group(**{field: options.pop(field) for field in fields})
-        command(**options)
-
-    # what typer looks at
-    run.__dict__["__signature__"] = inspect.Signature(parameters)
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return run
-
-
-def _parameters(group: type[Told | Wanted]) -> Iterator[inspect.Parameter]:
-    for field in inspect.signature(group, eval_str=True).parameters.values():
-        declared = DECLARED.get(field.name) if group is Told else None
-        if declared is None:
-            yield field
-        elif not declared.option.typed_as:
-            yield field.replace(annotation=_typer_option(declared))
-
-
-def _typer_option(declared: Declared) -> Any:
-    more = _OF_FORMATS if declared.name == "format" else {}
-    said = declared.option
-    option = typer.Option(
-        declared.typed, metavar=said.metavar, help=said.help, hidden=said.renamed is not None, **more
-    )
-    return Annotated[declared.type | None, option]

@@ -7,8 +7,9 @@ import typer
 
 from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
+from gateway.cli.options import takes_options
 from gateway.cli.readings_options import Readings, ReadingsFormat, ReadingsRuns, with_readings
-from gateway.cli.table_options import AsJson, Counts, Told, takes_file_options
+from gateway.cli.table_options import AsJson, Counts, Told
 from gateway.cli.table_reading import inspect, problems, usage
 from gateway.report.errors import ReportError
 from gateway.report.story import AxisStory, Report
@@ -20,7 +21,7 @@ STDOUT: Final = Path("-")
 DEFAULT_SUFFIX: Final = ".png"
 
 
-@takes_file_options
+@takes_options
 def plot(
     file: TableFile,
     out: Annotated[

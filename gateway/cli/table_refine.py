@@ -8,7 +8,8 @@ import typer
 
 from gateway.cli import survey_files as shared
 from gateway.cli.arguments import TableFile
-from gateway.cli.table_options import AsJson, Told, takes_file_options
+from gateway.cli.options import takes_options
+from gateway.cli.table_options import AsJson, Told
 from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
 from gateway.metrology.circumstances import check_corrected, check_same_axis
@@ -29,7 +30,7 @@ OWN_OPTIONS: Final = {
 """What some options of ``table convert`` are called here."""
 
 
-@takes_file_options
+@takes_options
 def refine(
     file: TableFile,
     readings: Annotated[

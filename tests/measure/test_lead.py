@@ -6,7 +6,8 @@ import pytest
 
 from gateway.commissioning.measure.errors import InstrumentError
 from gateway.commissioning.measure.instruments import Lines
-from gateway.commissioning.measure.measuring import Grid, Reader, instrument_of, plan_of
+from gateway.commissioning.measure.measuring import instrument_of, plan_of
+from gateway.commissioning.measure.options import Grid, Reader
 from gateway.compensation.units import Units
 from gateway.config.load import load
 from gateway.exchange.plan import AxisPlan

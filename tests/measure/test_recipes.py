@@ -7,7 +7,8 @@ import pytest
 from gateway.commissioning.measure.axis_link import Recipe, recipe_of
 from gateway.commissioning.measure.checks import Compensation, axis_of, controller_of
 from gateway.commissioning.measure.errors import AxisError, UndrivableError
-from gateway.commissioning.measure.session import Pace, Place, Seen, endpoint_of, preview
+from gateway.commissioning.measure.options import Pace
+from gateway.commissioning.measure.session import Place, Seen, endpoint_of, preview
 from gateway.config.load import load
 from gateway.drives.library import names
 from gateway.drives.motion import Action

@@ -1,6 +1,8 @@
 """Measuring an axis, from options to results: looks, moves, and makes a table of it.
 
-    measuring = Measuring(load(path), "x", Grid(0.0, 100.0, step=10.0), Reader(gauge="/dev/ttyUSB0"))
+    reader = Reader(gauge="/dev/ttyUSB0")
+    options = MeasureOptions(AxisChoice("x"), Grid(0.0, 100.0, step=10.0), reader=reader)
+    measuring = Measuring(load(path), options)
     measuring.look()
     measuring.run(showing)
     print(measuring.result().outcome.evaluation.accuracy)
@@ -29,6 +31,7 @@ from gateway.commissioning.measure.errors import (
     MeasureError,
 )
 from gateway.commissioning.measure.instruments import GrowingCsv, Instrument, Keyboard, Lines, SerialGauge
+from gateway.commissioning.measure.options import Grid, MeasureOptions, Pace, Reader
 from gateway.commissioning.measure.readings_file import (
     SUFFIX,
     Earlier,
@@ -39,7 +42,7 @@ from gateway.commissioning.measure.readings_file import (
     read_earlier,
 )
 from gateway.commissioning.measure.running import Manners, Showing
-from gateway.commissioning.measure.session import Pace, Place, Seen, Session, endpoint_of, look, preview
+from gateway.commissioning.measure.session import Place, Seen, Session, endpoint_of, look, preview
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.compensation.units import Units
 from gateway.config.load import Loaded
@@ -62,54 +65,6 @@ OVERRUN_MM: Final = 1.0
 WINDOW_MM: Final = 0.01
 LARGEST_MM: Final = 1.0
 UM_PER_MM: Final = 1000.0
-
-
-@dataclass(frozen=True, slots=True)
-class Grid:
-    """Targets as they were asked for, in units of the axis."""
-
-    low: float | None = None
-    high: float | None = None
-    step: float | None = None
-    targets: int | None = None
-    spread: float | None = None
-    seed: int = 1
-    runs: int = 5
-    overrun: float | None = None
-    lead: float | None = None
-
-    @property
-    def is_asked(self) -> bool:
-        """Whether anything was said about targets."""
-        return any(each is not None for each in (self.low, self.high, self.step, self.targets, self.overrun))
-
-
-@dataclass(frozen=True, slots=True)
-class Reader:
-    """The instrument as it was asked for."""
-
-    csv: Path | None = None
-    column: str = "1"
-    delimiter: str = ","
-    gauge: str | None = None
-    kind: GaugeKind = GaugeKind.SYLVAC
-    baudrate: int | None = None
-    request: str | None = None
-    timeout_s: float = 5.0
-    pattern: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Scale:
-    """How a reading becomes a machine position, and how long one waits for it."""
-
-    dwell_s: float = 2.0
-    window: float | None = None
-    move_timeout_s: float = 120.0
-    largest: float | None = None
-    is_reversed: bool = False
-    zero_at: float = 0.0
-    units: str | None = None
 
 
 def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
@@ -191,23 +146,23 @@ def instrument_of(reader: Reader, lines: Lines, unit: str = "mm") -> Instrument:
     return SerialGauge(reader.kind, endpoint, request, reader.timeout_s, pattern=pattern, unit=unit)
 
 
-def manners_of(scale: Scale, axis: AxisPlan) -> Manners:
+def manners_of(pace: Pace, reader: Reader, axis: AxisPlan) -> Manners:
     """Return how the run goes, in units of the axis. Raises InstrumentError: unknown units."""
     units = axis.settings.units
-    window = units.from_mm(WINDOW_MM) if scale.window is None else scale.window
-    largest = units.from_mm(LARGEST_MM) if scale.largest is None else scale.largest
+    window = units.from_mm(WINDOW_MM) if pace.window is None else pace.window
+    largest = units.from_mm(LARGEST_MM) if reader.largest is None else reader.largest
     if not (
-        window > 0 and largest > 0 and isfinite(window) and isfinite(largest) and isfinite(scale.zero_at)
+        window > 0 and largest > 0 and isfinite(window) and isfinite(largest) and isfinite(reader.zero_at)
     ):
         raise InstrumentError("--window and --largest-deviation: greater than 0; --zero-at: a position")
     return Manners(
-        dwell_s=scale.dwell_s,
+        dwell_s=pace.dwell_s,
         window=window,
-        move_timeout_s=scale.move_timeout_s,
+        move_timeout_s=pace.move_timeout_s,
         largest_deviation=largest,
-        sign=-1.0 if scale.is_reversed else 1.0,
-        zero_at=scale.zero_at,
-        scale=_factor(scale.units, units),
+        sign=-1.0 if reader.is_reversed else 1.0,
+        zero_at=reader.zero_at,
+        scale=_factor(reader.units, units),
     )
 
 
@@ -227,22 +182,6 @@ def _factor(told: str | None, units: Units) -> float:
 def _prompt(text: str) -> None:
     sys.stderr.write(text)
     sys.stderr.flush()
-
-
-@dataclass(frozen=True, slots=True)
-class Results:
-    """Where the readings and what is made of them go."""
-
-    readings: Path | None = None
-    """The file of readings; None: the axis and the time."""
-    resume: Path | None = None
-    """The file of a run that was stopped, with which this one goes on."""
-    out: Path | None = None
-    out_format: str | None = None
-    table_step: float | None = None
-    force: bool = False
-    report: Path | None = None
-    before: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,35 +221,26 @@ class Measuring:
         MeasureError: the options do not fit the axis, or each other.
     """
 
-    def __init__(
-        self,
-        loaded: Loaded,
-        axis: str,
-        grid: Grid,
-        reader: Reader,
-        *,
-        scale: Scale,
-        results: Results,
-        controller: str | None = None,
-        port: str | None = None,
-    ) -> None:
-        line, plan = axis_of(loaded.plan.lines, axis)
-        link = controller_of(line, controller)
-        self._place = Place(line, recipe_of(plan), link, endpoint_of(link, port))
+    def __init__(self, loaded: Loaded, options: MeasureOptions) -> None:
+        choice, results = options.choice, options.results
+        line, plan = axis_of(loaded.plan.lines, choice.axis)
+        link = controller_of(line, choice.controller)
+        self._place = Place(line, recipe_of(plan), link, endpoint_of(link, choice.port))
         self._out_format = outcome.check_format(results.out_format, plan)
         outcome.check_places(results.out, results.report, force=results.force)
         self._lines = Lines()
-        self.instrument = instrument_of(reader, self._lines, scale.units or plan.settings.units.value)
-        self._manners = manners_of(scale, plan)
+        unit = options.reader.units or plan.settings.units.value
+        self.instrument = instrument_of(options.reader, self._lines, unit)
+        self._manners = manners_of(options.pace, options.reader, plan)
         self._loaded = loaded
         self._shape = shape_of(loaded.plan)
         self._section = loaded.sections.axes[plan.name]
-        self._grid = grid
-        self._scale = scale
+        self._grid = options.grid
+        self._pace = options.pace
         self._results = results
         self._axis = plan
         self.units = plan.settings.units
-        self._lead = self._section.lead if grid.lead is None else grid.lead
+        self._lead = self._section.lead if options.grid.lead is None else options.grid.lead
         self._periods = _periods(self._lead)
         self._earlier: Earlier | None = None
         self._table_step: float | None = None
@@ -339,14 +269,10 @@ class Measuring:
         self._choose_points(plan, self._seen)
         return len(self._left)
 
-    def preview(self, speed: float | None = None) -> Iterator[str]:
-        """Yield what a person has to know before the axis moves, after :meth:`look`.
-
-        ``speed``: in units of the axis a second, for the estimate of the time.
-        """
+    def preview(self) -> Iterator[str]:
+        """Yield what a person has to know before the axis moves, after :meth:`look`."""
         plan, seen = self._looked()
-        pace = Pace(self._scale.dwell_s, speed)
-        yield from preview(self._place, seen, self._left, self.instrument.title, pace)
+        yield from preview(self._place, seen, self._left, self.instrument.title, self._pace)
         for warning in lead_warnings(plan.targets, self._periods, self.units):
             yield f"  lead          {warning}"
 

@@ -24,6 +24,7 @@ from gateway.commissioning.measure.checks import (
 )
 from gateway.commissioning.measure.errors import AxisError, MeasureError
 from gateway.commissioning.measure.instruments import Instrument, Lines
+from gateway.commissioning.measure.options import Pace
 from gateway.commissioning.measure.readings_file import MeasuringPlan, ReadingsFile
 from gateway.commissioning.measure.running import Halt, Manners, Run, Showing
 from gateway.exchange.plan import AxisPlan, Reference
@@ -232,14 +233,6 @@ class Session:
 MINUTE_S: Final = 60.0
 SETTLE_S: Final = 0.3
 """Looks at an axis that has arrived, and the exchanges of one stop."""
-
-
-@dataclass(frozen=True, slots=True)
-class Pace:
-    """What the estimate of the time needs; ``speed`` in units of the axis per second."""
-
-    dwell_s: float
-    speed: float | None
 
 
 def preview(place: Place, seen: Seen, stops: Sequence[Stop], instrument: str, pace: Pace) -> Iterator[str]:

@@ -1,0 +1,87 @@
+"""Options of a command that belong together, as one dataclass: each of its fields is declared once, there."""
+
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import is_dataclass
+from functools import wraps
+from typing import Annotated, Any, get_args
+
+import typer
+from typer.models import OptionInfo
+
+from gateway.commissioning.options import Option
+
+
+def takes_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command, in the place of a parameter that is a dataclass, the fields of that as options.
+
+    A field that is a dataclass itself stands for its own fields. The others are annotated with what typer
+    takes, with what :mod:`gateway.commissioning.options` has, or with what is declared about table files.
+    """
+    parameters: list[inspect.Parameter] = []
+    groups: dict[str, Any] = {}
+    for name, parameter in inspect.signature(command, eval_str=True).parameters.items():
+        if is_dataclass(parameter.annotation):
+            groups[name] = parameter.annotation
+            parameters += [each.replace(kind=parameter.kind) for each in _options_of(parameter.annotation)]
+        else:
+            parameters.append(parameter)
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        for name, group in groups.items():
+            given[name] = _filled(group, given)
+        command(**given)
+
+    # what typer looks at
+    run.__dict__["__signature__"] = inspect.Signature(parameters)
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return run
+
+
+def _fields(group: Any) -> Iterator[inspect.Parameter]:
+    yield from inspect.signature(group, eval_str=True).parameters.values()
+
+
+def _options_of(group: Any) -> Iterator[inspect.Parameter]:
+    for field in _fields(group):
+        if is_dataclass(field.annotation):
+            yield from _options_of(field.annotation)
+            continue
+        kind, said = get_args(field.annotation)
+        if isinstance(said, OptionInfo):
+            yield field
+        elif isinstance(said, Option):
+            yield field.replace(annotation=Annotated[kind, _of_program(field.name, said)])
+        else:
+            yield from _of_table(field)
+
+
+def _of_program(field: str, said: Option) -> Any:
+    name = said.name or field.replace("_", "-")
+    return typer.Option(f"--{name}", help=said.help, metavar=said.metavar, min=said.min, max=said.max)
+
+
+def _of_table(field: inspect.Parameter) -> Iterator[inspect.Parameter]:
+    """Yield an option about a table file; none where another option tells it too."""
+    from gateway.tabfile.options import DECLARED
+
+    declared = DECLARED[field.name]
+    said = declared.option
+    if not said.typed_as:
+        is_old = said.renamed is not None
+        option = typer.Option(declared.typed, metavar=said.metavar, help=said.help, hidden=is_old)
+        yield field.replace(annotation=Annotated[declared.type | None, option])
+
+
+def _filled(group: Any, given: dict[str, Any]) -> Any:
+    """Return a group with what was given, and take it out of there."""
+    return group(
+        **{
+            field.name: _filled(field.annotation, given)
+            if is_dataclass(field.annotation)
+            else given.pop(field.name)
+            for field in _fields(group)
+            if is_dataclass(field.annotation) or field.name in given
+        }
+    )
