@@ -18,8 +18,8 @@ from gateway.catalogue.remarks import REMARKS
 from gateway.catalogue.starts import EXIT_CODES, STARTS
 from gateway.catalogue.states import STATES
 from gateway.catalogue.troubles import HIDES, TROUBLES
-from gateway.cli.drives_output import markdown_lines
 from gateway.config.reference import TABLES, rows
+from gateway.drives.described import markdown_lines
 from gateway.relay.status_unit import BLOCKS
 from tools import state_machine, time_lines
 from tools.diagram import LayoutError

@@ -24,3 +24,4 @@ TableFile = Annotated[
         readable=False,
     ),
 ]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]

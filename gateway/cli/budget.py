@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gateway.cli.arguments import Config
+from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import load_or_exit
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def budget(
             help="Registers of the block in which the controller writes a target.",
         ),
     ] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Work out what cycle time each line can hold, before anything is wired.
 

@@ -1,11 +1,13 @@
 """``pitch-gateway certificate``: an authority of one's own for Modbus/TCP Security."""
 
-import json
 import re
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, NoReturn
 
 import typer
+
+from gateway.cli import output
+from gateway.cli.arguments import AsJson
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
@@ -151,7 +153,7 @@ def revoke(
 def show(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file in PEM.", show_default=False)],
     *,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Show what is in a file: whose certificate, with which role, until when; or how many are revoked.
 
@@ -160,17 +162,15 @@ def show(
 
       pitch-gateway certificate show /etc/pitch-gateway/server.pem --json | jq .certificates[0].until
     """
-    from gateway.commissioning.certificates import lines, shown
+    from gateway.commissioning.certificates import read_file
     from gateway.files import FileRefusedError
     from gateway.transport.certificates import now_utc
 
     try:
-        found = shown(file, now_utc())
+        found = read_file(file, now_utc())
     except FileRefusedError as error:
         _fail(f"{file}: {error}")
-        return
-    for line in [json.dumps(found, indent=2, ensure_ascii=False)] if as_json else lines(found):
-        typer.echo(line)
+    output.show(found, output.Format.INDENTED if as_json else output.Format.TEXT)
 
 
 def _check_name(name: str) -> None:
@@ -189,6 +189,6 @@ def _say_written(*files: Path) -> None:
         typer.echo(file)
 
 
-def _fail(problem: str) -> None:
+def _fail(problem: str) -> NoReturn:
     typer.echo(problem, err=True)
     raise typer.Exit(1)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gateway.cli.arguments import Config
+from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import compile_or_exit
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def check(
     config: Config,
     *,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
     compiles: Annotated[
         bool, typer.Option("--compile", help="Write what `relay` starts from into the state folder.")
     ] = False,

@@ -16,7 +16,6 @@ Axes = Annotated[
     list[str] | None,
     typer.Argument(metavar="[AXIS]...", help="Names of axes; none: all of them.", show_default=False),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
 def ask_or_exit(config: Path, request: "Request", *, as_json: bool = False) -> "Reply":

@@ -1,9 +1,7 @@
 """``pitch-gateway demo``: the whole thing on one screen."""
 
 import asyncio
-import json
 import signal
-import sys
 import tempfile
 import time
 from collections.abc import Coroutine
@@ -14,6 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 
 import typer
+
+from gateway.cli.output import Format, show
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -128,7 +128,7 @@ async def _once(folder: Path, wanted: _Wanted) -> bool:
 
     from gateway.cli.demo_screen import Narrator, summary
     from gateway.commissioning.demo.cycle import run_round
-    from gateway.commissioning.demo.result import REPORT_RUNS, as_json, is_good
+    from gateway.commissioning.demo.result import REPORT_RUNS, Demonstrated
 
     started_s = time.monotonic()
     runs = 0 if wanted.report is None else REPORT_RUNS
@@ -136,18 +136,15 @@ async def _once(folder: Path, wanted: _Wanted) -> bool:
     view = await _until_signal(run_round(wanted.seed, folder, ONCE_SPEED_UP, narrator, runs))
     if wanted.report is not None:
         _write_report(view, wanted.report, force=wanted.force)
+    found = Demonstrated(view, time.monotonic() - started_s, wanted.keep, wanted.report)
     if wanted.json:
-        result = as_json(view, time.monotonic() - started_s, str(wanted.keep) if wanted.keep else None)
-        json.dump({**result, "report": wanted.report and str(wanted.report)}, sys.stdout, indent=2)
-        sys.stdout.write("\n")
+        show(found, Format.INDENTED_ASCII)
     else:
         console = Console()
         console.print(summary(view))
-        if wanted.keep:
-            console.print(f"configuration and tables are in {wanted.keep}", highlight=False)
-        if wanted.report:
-            console.print(f"the report is {wanted.report}", highlight=False)
-    return is_good(view)
+        for line in found.lines():
+            console.print(line, highlight=False)
+    return found.is_good
 
 
 def _write_report(view: "View", path: Path, *, force: bool) -> None:

@@ -1,7 +1,7 @@
 """``pitch-gateway disable CONFIG [AXIS]...``."""
 
-from gateway.cli.arguments import Config
-from gateway.cli.commanding import AsJson, Axes, command
+from gateway.cli.arguments import AsJson, Config
+from gateway.cli.commanding import Axes, command
 
 
 def disable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> None:

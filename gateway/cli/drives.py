@@ -1,10 +1,12 @@
 """``pitch-gateway drives``: the drive profiles that come with the gateway."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from gateway.cli import output
+from gateway.cli.arguments import AsJson
 
 if TYPE_CHECKING:
     from gateway.drives.profile import Profile
@@ -13,7 +15,6 @@ app = typer.Typer(
     invoke_without_command=True,
     rich_markup_mode=None,
 )
-AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
 @app.callback()
@@ -32,13 +33,9 @@ def list_drives(context: typer.Context, *, as_json: AsJson = False) -> None:
     """
     if context.invoked_subcommand is not None:
         return
-    from gateway.cli.drives_output import list_data, list_lines
+    from gateway.drives.described import ProfileList
 
-    if as_json:
-        typer.echo(json.dumps(list_data(), indent=2, ensure_ascii=False))
-        return
-    for line in list_lines():
-        typer.echo(line)
+    output.show(ProfileList(), output.Format.INDENTED if as_json else output.Format.TEXT)
 
 
 @app.command()
@@ -66,16 +63,13 @@ def show(
     """
     if as_json and as_toml:
         raise typer.BadParameter("--json and --toml exclude each other")
-    from gateway.cli.drives_output import profile_data, profile_lines
+    from gateway.drives.described import ProfileShown
 
     text, profile = _found(name)
     if as_toml:
         typer.echo(text, nl=False)
-    elif as_json:
-        typer.echo(json.dumps(profile_data(name, profile), indent=2, ensure_ascii=False))
     else:
-        for line in profile_lines(name, profile):
-            typer.echo(line)
+        output.show(ProfileShown(name, profile), output.Format.INDENTED if as_json else output.Format.TEXT)
 
 
 def _found(name: str) -> "tuple[str, Profile]":

@@ -2,8 +2,8 @@
 
 import typer
 
-from gateway.cli.arguments import Config
-from gateway.cli.commanding import AsJson, Axes, ask_or_exit, command
+from gateway.cli.arguments import AsJson, Config
+from gateway.cli.commanding import Axes, ask_or_exit, command
 
 
 def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> None:

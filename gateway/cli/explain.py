@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gateway.cli.arguments import AsJson
+
 if TYPE_CHECKING:
     from gateway.catalogue.lookup import Explanation
 
@@ -54,7 +56,7 @@ def explain(
         ),
     ] = None,
     *,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say what an event, an error, a state or a counter means, what usually causes it, and what to do.
 

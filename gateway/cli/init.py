@@ -225,12 +225,12 @@ def _settle_axis(
 
 def _settle_drive(asking: Asking, draft: "Draft", given: str | None, before: str | None) -> None:
     """Have the drive named; the profiles that there are stand above the first question."""
-    from gateway.cli.drives_output import list_lines
     from gateway.drives import library
+    from gateway.drives.described import ProfileList
 
     names = library.names()
     is_listed = asking.is_on and given is None and before is None
-    for number_, line in enumerate(list_lines()) if is_listed else ():
+    for number_, line in enumerate(ProfileList().lines()) if is_listed else ():
         typer.echo(f"  {number_ or '':>2}  {line}", err=True)  # above the first stands what the columns are
     question = "Drive (a number or a name of the list, or a file of your own: ./my-drive.toml)"
     ask = partial(_choice, question, names, before)
@@ -410,7 +410,7 @@ def _fit_units(file: Path, systemd: Path, *, is_good: bool, is_quiet: bool) -> N
 
 def _measured(file: Path, asking: Asking, draft: "Draft", *, measure: bool | None) -> tuple[str, ...]:
     """Return the time-outs that the drives ask for, as lines of the configuration; none: not measured."""
-    from gateway.commissioning.probe.timing import keys_of, measure_line, timing_lines
+    from gateway.commissioning.probe.timing import keys_of, measure_line
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
     from gateway.transport.errors import TransportError
@@ -428,7 +428,7 @@ def _measured(file: Path, asking: Asking, draft: "Draft", *, measure: bool | Non
         why = error.detail if isinstance(error, TransportError) else "something is left to do in it"
         typer.echo(f"not measured: {why}; later: pitch-gateway probe --timing {file}", err=True)
         return ()
-    for line in timing_lines(found):
+    for line in found.lines():
         typer.echo(line, err=True)
     return () if found.proposed is None else keys_of(found.proposed)
 

@@ -1,30 +1,18 @@
 """``pitch-gateway probe CONFIG``."""
 
 import asyncio
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gateway.cli.arguments import Config
+from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import load_or_exit
+from gateway.cli.output import Format, print_lines, show
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from gateway.commissioning.probe.judgement import Finding
-    from gateway.commissioning.probe.readings import AxisReadings
-    from gateway.commissioning.probe.timing import LineTimes
     from gateway.config.load import Loaded
     from gateway.state.plan import LinePlan
-
-BEFORE_THE_FIRST_MOVE = (
-    "is the controller's own pitch and backlash compensation off?",
-    "is counts_per_unit right, in size and sign? move by 1 mm: pitch-gateway signtest --moved tells",
-    "are the table's sense and its columns right? pitch-gateway signtest tells",
-    "make the first moves slow and short, in the middle of the travel",
-)
 
 
 def probe(
@@ -38,7 +26,7 @@ def probe(
     scan: Annotated[
         bool, typer.Option("--scan", help="Read from each unit id from 1 to 247 too: which ones answer?")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Look at the real drives before anything moves. Nothing is written.
 
@@ -66,29 +54,22 @@ def probe(
 
         pitch-gateway probe gateway.toml --axis x --json | jq .axes.x
     """
+    from gateway.commissioning.probe import probing
+
     loaded = load_or_exit(config)
     lines = _lines(loaded, config, axis)
-    problems: list[str] = []
     _refuse_beside_gateway(loaded, config)
     if timing:
         if axis is not None:
             raise typer.BadParameter("all drives of a line share its time-outs", param_hint="--axis")
         if scan:
             raise typer.BadParameter("--timing measures, --scan looks: give one of them", param_hint="--scan")
-        _time(config, lines, as_json=as_json)
-        return
-    found = asyncio.run(_probe(lines, axis, problems, is_scanned=scan))
-    reports = {readings.plan.name: _report(readings) for readings in found}
-    if as_json:
-        typer.echo(json.dumps({"axes": reports, "problems": problems}))
+        found: probing.Timed | probing.Probed = asyncio.run(probing.time_drives(lines))
     else:
-        for readings in found:
-            for text in _text(readings):
-                typer.echo(text)
-        _say_before_the_first_move(bool(found))
-    for problem in problems:
-        typer.echo(f"{config}: {problem}", err=True)
-    if problems or any(report["wrong"] for report in reports.values()):
+        found = asyncio.run(probing.probe(lines, axis, is_scanned=scan, on_scan=_say_scan))
+    show(found, Format.JSON if as_json else Format.TEXT)
+    print_lines((f"{config}: {problem}" for problem in found.problems), err=True)
+    if not found.is_good:
         raise typer.Exit(1)
 
 
@@ -120,41 +101,6 @@ def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
     raise typer.Exit(1)
 
 
-async def _probe(
-    lines: "list[LinePlan]", axis: str | None, problems: list[str], *, is_scanned: bool
-) -> "list[AxisReadings]":
-    from gateway.commissioning.probe.readings import (
-        RETURNED,
-        ask_unused_unit,
-        ask_with_wrong_crc,
-        read_axis,
-        scan,
-    )
-    from gateway.transport.errors import TransportError
-    from gateway.transport.framing import endpoint_key, returns_requests
-    from gateway.transport.master import ModbusMaster
-
-    found = []
-    for line in lines:
-        timing = line.timing
-        master = ModbusMaster(line.drives, timing.response_timeout_ms, timing.gap_ms, timing.drain_ms)
-        try:
-            async with master:
-                of_line = [await read_axis(master, plan) for plan in line.axes if axis in (None, plan.name)]
-                found += of_line
-                if is_scanned:
-                    _say_scan(line)
-                    await scan(master, line, of_line)
-                await ask_unused_unit(master, line, of_line[0])
-                for each in of_line:
-                    each.echoes = returns_requests(line.drives) if master.returned >= RETURNED else ""
-                for each in of_line:
-                    await ask_with_wrong_crc(master.exchange_spoilt, line, each)
-        except TransportError as error:
-            problems.append(f"line.{line.name}.drives.{endpoint_key(line.drives)}: {error.detail}")
-    return found
-
-
 def _say_scan(line: "LinePlan") -> None:
     from gateway.commissioning.probe.readings import LAST_UNIT_ID
     from gateway.times import NS_PER_MS, NS_PER_S, span
@@ -164,112 +110,3 @@ def _say_scan(line: "LinePlan") -> None:
         f"line {line.name}: asks unit ids 1 to {LAST_UNIT_ID}, for {at_most} at most; Ctrl-C ends it",
         err=True,
     )
-
-
-def _time(config: Path, lines: "list[LinePlan]", *, as_json: bool) -> None:
-    """Measure lines, say what was found; exit code 1 where something does not answer."""
-    problems: list[str] = []
-    found = asyncio.run(_measure(lines, problems))
-    if as_json:
-        data = {times.line.name: times.as_data() for times in found}
-        typer.echo(json.dumps({"lines": data, "problems": problems}))
-    else:
-        from gateway.commissioning.probe.timing import timing_lines
-
-        for times in found:
-            for text in timing_lines(times):
-                typer.echo(text)
-    for problem in problems:
-        typer.echo(f"{config}: {problem}", err=True)
-    if problems or any(times.problem for times in found):
-        raise typer.Exit(1)
-
-
-async def _measure(lines: "list[LinePlan]", problems: list[str]) -> "list[LineTimes]":
-    from gateway.commissioning.probe.timing import measure_line
-    from gateway.transport.errors import TransportError
-    from gateway.transport.framing import endpoint_key
-
-    found = []
-    for line in lines:
-        try:
-            found.append(await measure_line(line))
-        except TransportError as error:
-            problems.append(f"line.{line.name}.drives.{endpoint_key(line.drives)}: {error.detail}")
-    return found
-
-
-def _report(found: "AxisReadings") -> dict[str, Any]:
-    from gateway.commissioning.probe.judgement import Weight, findings_of, position_of
-
-    findings = findings_of(found)
-    positions = {
-        name: {
-            "address": reading.place.address,
-            "raw": place.raw,
-            "machine_position": place.corrected,
-            "nominal_forward": place.forward,
-            "nominal_backward": place.backward,
-        }
-        for name, reading in found.readings.items()
-        if reading.words and reading.place.field is not None
-        for place in [position_of(found.plan, reading)]
-    }
-    bits = {name: found.bit(name) for name in found.plan.bits}
-    return {
-        "unit_id": found.plan.unit_id,
-        "units": found.plan.settings.units.value,
-        "answers": found.answers,
-        "answering_unit_ids": found.answering,
-        "on_wrong_crc": None if found.on_wrong_crc is None else found.on_wrong_crc.value,
-        "bits": bits,
-        "positions": positions,
-        "findings": [{"weight": finding.weight.value, "text": finding.text} for finding in findings],
-        "wrong": any(finding.weight is Weight.ERROR for finding in findings),
-    }
-
-
-def _text(found: "AxisReadings") -> "Iterator[str]":
-    from gateway.commissioning.probe.judgement import Weight, findings_of, position_of, said_ids
-
-    plan = found.plan
-    units = plan.settings.units.value
-    answers = found.instead or ("answers" if found.answers else "no answer")
-    yield f"axis {plan.name}, unit id {plan.unit_id}: {answers}"
-    bits = [f"{name} {_bit(found.bit(name))}" for name in plan.bits]
-    if bits and found.answers and not found.instead:
-        yield f"  bits       {', '.join(bits)}"
-    for name, reading in found.readings.items():
-        if not reading.words or reading.place.field is None:
-            continue
-        place = position_of(plan, reading)
-        yield (
-            f"  {name:<10} raw {_raw(place.raw)}, machine position {place.corrected:.10g} {units}; "
-            f"nominal {place.forward:.10g} forward, {place.backward:.10g} backward"
-        )
-    findings = findings_of(found)
-    yield from (_line(finding) for finding in findings)
-    if found.answering:
-        yield f"  scan: {said_ids(found.answering)}"
-    if all(finding.weight is Weight.NOTE for finding in findings):
-        yield "  nothing that was read is wrong"
-
-
-def _raw(raw: float) -> str:
-    """Write the content of a register in full: a count is a whole number."""
-    return f"{raw:.0f}" if raw == int(raw) else f"{raw:.9g}"
-
-
-def _bit(is_set: bool | None) -> str:
-    return "not read" if is_set is None else "yes" if is_set else "no"
-
-
-def _line(finding: "Finding") -> str:
-    return f"  {finding.weight.value}: {finding.text}"
-
-
-def _say_before_the_first_move(has_axes: bool) -> None:
-    if has_axes:
-        typer.echo("\nBefore the first move:")
-        for question in BEFORE_THE_FIRST_MOVE:
-            typer.echo(f"  - {question}")

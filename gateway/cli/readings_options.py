@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gateway.cli.table_output import print_lines
+from gateway.cli.output import print_lines
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.errors import MetrologyError
 from gateway.report.story import AxisStory

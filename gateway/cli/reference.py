@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli.arguments import Config
-from gateway.cli.commanding import AsJson, command
+from gateway.cli.arguments import AsJson, Config
+from gateway.cli.commanding import command
 
 
 def reference(

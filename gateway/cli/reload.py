@@ -7,8 +7,7 @@ from typing import Any, Final
 
 import typer
 
-from gateway.cli.arguments import Config
-from gateway.cli.commanding import AsJson
+from gateway.cli.arguments import AsJson, Config
 
 PATIENCE_S: Final = 60.0
 """For the supervisor: tables of a million points take seconds each."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gateway.cli.arguments import AsJson
 from gateway.cli.configuration import load_or_exit
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ def replay(
     ] = None,
     line: Annotated[str | None, typer.Option("--line", help="Only this line of the gateway.")] = None,
     show: Annotated[bool, typer.Option("--show", help="Print the traffic, readable.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run a recording through the exchange again and compare every byte that comes out.
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from gateway.cli.arguments import Config
+from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import load_or_exit
 
 DROP_IN: Final = "configuration.conf"
@@ -23,7 +23,7 @@ def service(
             metavar="DIR", help="Write the drop-ins below DIR, as /etc/systemd/system; else they are shown."
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Fit the units of systemd to a configuration: narrower where it can be, wider where it must be.
 

@@ -1,25 +1,18 @@
 """``pitch-gateway signtest CONFIG --axis X``."""
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gateway.cli.arguments import Config
+from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import load_or_exit
+from gateway.cli.output import Format, show
 
 if TYPE_CHECKING:
-    from gateway.commissioning.sign_test import SignReport
     from gateway.exchange.plan import AxisPlan
 
-UNCERTAINTY_MM = 0.002
-"""What a dial gauge with 1 µm marks or a laser in a workshop can be trusted with."""
-STEPS = 2
-DECIMALS = 6
-APPROACH_MM = 1.0
-"""Beside the hysteresis; as far as measure goes beyond its targets."""
 NUMBERS = "--at, --forward-reading and --backward-reading"
 MISSING = f"numbers for a sign test come together: {NUMBERS}"
 
@@ -49,7 +42,7 @@ def signtest(
             "more was commanded. Judges counts_per_unit.",
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Tell from two readings at one point whether a table is used the right way round.
 
@@ -69,6 +62,7 @@ def signtest(
 
         pitch-gateway signtest gateway.toml --axis x --at -250 --forward-reading -249.99 --backward-reading -249.981
     """  # noqa: E501 - a line that is copied
+    from gateway.commissioning.sign_test import judge_readings
     from gateway.metrology.errors import ReadingsError
 
     numbers = (at, forward_reading, backward_reading)
@@ -80,8 +74,6 @@ def signtest(
         _judge_move(config, _axis(config, axis), moved, as_json=as_json)
         return
     plan = _with_table(config, _axis(config, axis))
-    if uncertainty is None:
-        uncertainty = _usual_uncertainty(plan)
     if at is None or forward_reading is None or backward_reading is None:
         try:
             if sys.stdin.isatty():
@@ -92,19 +84,13 @@ def signtest(
                 raise
             raise typer.BadParameter(f"standard input ended before all readings: give {NUMBERS}") from None
     try:
-        report = _report(plan, at, forward_reading, backward_reading, uncertainty)
+        report = judge_readings(plan, at, forward_reading, backward_reading, uncertainty)
     except ReadingsError as error:
         typer.echo(f"{config}: axis {axis}: {error}", err=True)
         raise typer.Exit(1) from None
-    typer.echo(json.dumps(report.as_json()) if as_json else "\n".join(report.text()))
+    show(report, Format.JSON if as_json else Format.TEXT)
     if not report.test.is_right:
         raise typer.Exit(1)
-
-
-def _usual_uncertainty(plan: "AxisPlan") -> float:
-    """Return what a reading is taken to be uncertain by, in units of the axis."""
-    settings = plan.settings
-    return max(settings.units.from_mm(UNCERTAINTY_MM), STEPS * settings.step)
 
 
 def _axis(config: Path, name: str) -> "AxisPlan":
@@ -126,26 +112,16 @@ def _with_table(config: Path, plan: "AxisPlan") -> "AxisPlan":
 
 def _judge_move(config: Path, plan: "AxisPlan", moved: float, *, as_json: bool = False) -> None:
     """Say whether a trial move went as far as it was told to; ends the command where it did not."""
+    from gateway.commissioning.sign_test import judge_move
     from gateway.metrology.errors import ReadingsError
-    from gateway.metrology.scale import TRIAL_MOVE, fault_of_trial
 
-    settings = plan.settings
-    told, units = TRIAL_MOVE[settings.units], settings.units.value
     try:
-        fault = fault_of_trial(moved, settings.counts_per_unit, settings.units)
+        found = judge_move(plan, moved)
     except ReadingsError as error:
         typer.echo(f"{config}: axis {plan.name}: {error}", err=True)
         raise typer.Exit(1) from None
-    if as_json:
-        said = {"axis": plan.name, "units": units, "commanded": told, "moved": moved, "fault": fault}
-        typer.echo(json.dumps(said))
-    elif fault:
-        typer.echo(f"axis {plan.name}: {fault}")
-    else:
-        typer.echo(
-            f"axis {plan.name}: it moved by {moved:.6g} {units}: counts_per_unit has the right size and sign"
-        )
-    if fault:
+    show(found, Format.JSON if as_json else Format.TEXT)
+    if found.fault:
         raise typer.Exit(1)
 
 
@@ -163,63 +139,11 @@ def _ask_for_a_move(config: Path, plan: "AxisPlan") -> None:
     )
 
 
-def _approach(plan: "AxisPlan") -> float:
-    """Return from how far a place is approached, in units: more than what the axis takes for no move."""
-    settings = plan.settings
-    return settings.units.from_mm(APPROACH_MM) + settings.hysteresis
-
-
-def _inside(plan: "AxisPlan") -> tuple[float, float] | None:
-    """Return where there is room for a sign test, in machine positions; None: everywhere (a rotary axis)."""
-    from gateway.metrology.sign_test import room
-
-    assert plan.table is not None
-    settings = plan.settings
-    return None if settings.modulo else room(plan.table, settings.travel, _approach(plan))
-
-
-def _report(
-    plan: "AxisPlan", at: float, forward_reading: float, backward_reading: float, uncertainty: float
-) -> "SignReport":
-    from gateway.commissioning.sign_test import SignReport
-    from gateway.compensation.correction_spec import spec_of_table
-    from gateway.metrology.errors import ReadingsError
-    from gateway.metrology.sign_test import Measurement, Pair, sign_test
-
-    settings, table = plan.settings, plan.table
-    assert table is not None
-    curve = spec_of_table(table, settings).curve
-    assert curve is not None
-    offset = settings.machine_offset
-    position = at + offset
-    measurement = Measurement(
-        position,
-        Pair(forward_reading + offset, backward_reading + offset),
-        uncertainty,
-        # A worn screw errs by up to the largest correction, the other way by as much again.
-        largest=2.0 * settings.max_correction,
-        # The axis counts the other way about machine zero, or the instrument about its own.
-        mirrored=(-position, offset - at),
-    )
-    if not curve.covers(position):
-        raise ReadingsError(
-            f"{at:g} is outside its table, which reaches from {table.first - offset:g} to "
-            f"{table.last - offset:g}: measure inside it"
-        )
-    return SignReport(plan, at, uncertainty, sign_test(curve, measurement, _inside(plan)))
-
-
 def _asked_for(plan: "AxisPlan") -> tuple[float, float, float]:
     """Ask for the readings on the terminal; returns position, forward and backward reading."""
-    from gateway.compensation.correction_spec import spec_of_table
-    from gateway.metrology.sign_test import best_place
+    from gateway.commissioning.sign_test import approach_of, best_position
 
-    settings, units = plan.settings, plan.settings.units.value
-    assert plan.table is not None
-    curve = spec_of_table(plan.table, settings).curve
-    assert curve is not None
-    best = round(best_place(curve, _inside(plan)).position - settings.machine_offset, DECIMALS)
-    approach = _approach(plan)
+    units, best, approach = plan.settings.units.value, best_position(plan), approach_of(plan)
     typer.echo(
         f"Axis {plan.name}: switch its compensation off (pitch-gateway disable), home it, and set the "
         "instrument to 0 where the table has its zero.\n"

@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli.table_output import finding_line, print_lines
+from gateway.cli.output import print_lines
+from gateway.cli.table_output import finding_line
 from gateway.compensation.errors import TableError
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.compensation.table import CorrectionTable

@@ -10,6 +10,7 @@ from gateway.cli import table_build, table_drift, table_evaluate, table_program,
 from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
+from gateway.cli.output import print_json, print_lines
 from gateway.cli.table_convert import convert
 from gateway.cli.table_formats import formats
 from gateway.cli.table_options import AsJson, Counts, Told
@@ -60,7 +61,7 @@ def show(
         loaded = inspect(file, told.context(counts_per_unit))
     if json:
         rows = [output.row_json(row) for row in loaded.source.rows]
-        output.print_json({**output.summary(loaded), "rows": rows})
+        print_json({**output.summary(loaded), "rows": rows})
     else:
         output.show_text(loaded, limit)
 
@@ -95,7 +96,7 @@ def explain(
         loaded = inspect(file, told.context(counts_per_unit))
     explanation = explain_at(loaded, at, counts_per_unit)
     if json:
-        output.print_json(to_json(loaded, explanation))
+        print_json(to_json(loaded, explanation))
     else:
         output.explain_text(loaded, explanation)
 
@@ -132,17 +133,17 @@ def lint(
         loaded = inspect(file, context)
     except TabFileError as error:
         if json:
-            output.print_json(_lint_json(str(file), None, [_as_lint(problem) for problem in error.problems]))
+            print_json(_lint_json(str(file), None, [_as_lint(problem) for problem in error.problems]))
         fail(error)
     failing = [
         lint for lint in loaded.lints if _fails(lint) or (strict and lint.severity is not Severity.INFO)
     ]
     if json:
-        output.print_json(_lint_json(str(file), loaded.format, loaded.lints, ok=not failing))
+        print_json(_lint_json(str(file), loaded.format, loaded.lints, ok=not failing))
     else:
         passing = [lint for lint in loaded.lints if lint not in failing]
-        output.print_lines(output.finding_line(loaded.file, lint) for lint in passing)
-        output.print_lines((output.finding_line(loaded.file, lint) for lint in failing), err=True)
+        print_lines(output.finding_line(loaded.file, lint) for lint in passing)
+        print_lines((output.finding_line(loaded.file, lint) for lint in failing), err=True)
         typer.echo(f"{loaded.file}: {loaded.format}, {len(loaded.source.rows)} points")
         typer.echo(_count(loaded.lints))
     if failing:

@@ -7,8 +7,9 @@ from typing import Annotated, Final
 import typer
 
 from gateway.cli import survey_files as shared
+from gateway.cli.output import print_json, print_lines
 from gateway.cli.table_options import AsJson, AxisLetter, Counts
-from gateway.cli.table_output import PREDICTED, print_json, print_lines, results_text
+from gateway.cli.table_output import PREDICTED, results_text
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.circumstances import check_uncorrected
 from gateway.metrology.doubts import doubts_of

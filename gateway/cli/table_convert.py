@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
+from gateway.cli.output import print_json, print_lines
 from gateway.cli.table_options import AsJson, Target, Told, Wanted
 from gateway.cli.table_reading import inspect, problems, usage
 from gateway.compensation.errors import TableError
@@ -87,9 +87,9 @@ def convert(
         write(out, result.written.text, force=force, encoding=result.written.encoding)
     report = _Report(loaded, out, target, table.units, even, result)
     if json:
-        output.print_json(report.to_json())
+        print_json(report.to_json())
     else:
-        output.print_lines(report.lines())
+        print_lines(report.lines())
 
 
 def _scale(told: float | None) -> float | None:

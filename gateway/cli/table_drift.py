@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from gateway.cli import survey_files as shared
+from gateway.cli.output import print_json
 from gateway.cli.table_options import AsJson
-from gateway.cli.table_output import print_json
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.metrology.deviation import small_unit
 from gateway.metrology.warm_up import DriftTest, evaluate_drift, read_samples

@@ -9,8 +9,9 @@ import typer
 
 from gateway.cli import survey_files as shared
 from gateway.cli.options import takes_options
+from gateway.cli.output import print_json, print_lines
 from gateway.cli.table_options import AsJson, Counts, Told
-from gateway.cli.table_output import PREDICTED, print_json, print_lines, results_text
+from gateway.cli.table_output import PREDICTED, results_text
 from gateway.cli.table_reading import inspect
 from gateway.metrology import results as judged
 from gateway.metrology.circumstances import check_same_axis, check_uncorrected, was_corrected

@@ -2,7 +2,7 @@
 
 import typer
 
-from gateway.cli import table_output as output
+from gateway.cli.output import print_json
 from gateway.cli.table_options import AsJson
 from gateway.tabfile import DIALECTS, OPTIONS, Dialect, UnitsOf
 from gateway.tabfile.options import DECLARED
@@ -27,7 +27,7 @@ def formats(*, json: AsJson = False) -> None:
       pitch-gateway table formats --json
     """
     if json:
-        output.print_json({"formats": [_as_data(dialect) for dialect in DIALECTS]})
+        print_json({"formats": [_as_data(dialect) for dialect in DIALECTS]})
         return
     for dialect in DIALECTS:
         typer.echo(f"{dialect.name}: {dialect.title}")

@@ -1,12 +1,12 @@
 """What ``pitch-gateway table`` prints: rich tables for people, plain data for programs."""
 
-import json
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final
 
 import typer
 
+from gateway.cli.output import print_lines
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.results import NAMES, left_out_line, values_of
 from gateway.metrology.shapes import LeftOut
@@ -19,17 +19,6 @@ PREDICTED: Final = "predicted"
 """The title of figures that nobody measured."""
 PLAIN_WIDTH = 140
 """Columns of a rich table that does not go to a terminal."""
-
-
-def print_json(data: dict[str, object]) -> None:
-    """Print plain data as JSON on stdout."""
-    typer.echo(json.dumps(data, indent=2, ensure_ascii=False))
-
-
-def print_lines(lines: Iterable[str], *, err: bool = False) -> None:
-    """Print lines as they are."""
-    for line in lines:
-        typer.echo(line, err=err)
 
 
 def finding_line(file: str, lint: Lint) -> str:

@@ -8,6 +8,7 @@ import typer
 from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
+from gateway.cli.output import print_json
 from gateway.cli.readings_options import Readings, ReadingsFormat, ReadingsRuns, with_readings
 from gateway.cli.table_options import AsJson, Counts, Told
 from gateway.cli.table_reading import inspect, problems, usage
@@ -81,7 +82,7 @@ def write(story: AxisStory, file: Path, out: Path | None, *, force: bool, json: 
         typer.echo(f"error: {error}", err=True)
         raise typer.Exit(1) from None
     if json:
-        output.print_json(
+        print_json(
             {
                 "file": str(file),
                 "out": str(where),

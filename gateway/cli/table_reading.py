@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import typer
 
-from gateway.cli import table_output as output
+from gateway.cli.output import print_lines
 from gateway.compensation.units import Units
 from gateway.tabfile import (
     ContextError,
@@ -60,5 +60,5 @@ def problems() -> Iterator[None]:
 
 def fail(error: TabFileError) -> NoReturn:
     """Print the problems of a file, one line each on stderr, and end with exit code 1."""
-    output.print_lines((f"error: {problem}" for problem in error.problems), err=True)
+    print_lines((f"error: {problem}" for problem in error.problems), err=True)
     raise typer.Exit(1) from None

@@ -9,8 +9,8 @@ import typer
 from gateway.cli import survey_files as shared
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
+from gateway.cli.output import print_json, print_lines
 from gateway.cli.table_options import AsJson, Told
-from gateway.cli.table_output import print_json, print_lines
 from gateway.cli.table_reading import inspect
 from gateway.metrology.circumstances import check_corrected, check_same_axis
 from gateway.metrology.deviation import small_unit

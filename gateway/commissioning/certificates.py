@@ -295,42 +295,65 @@ def _write_new(path: Path, content: bytes, mode: int) -> None:
         raise FolderError(f"{path} cannot be written: {error.strerror or error}") from None
 
 
-def shown(path: Path, now: datetime) -> dict[str, Any]:
-    """Return what is in a file, as data.
+@dataclass(frozen=True, slots=True)
+class FileContent:
+    """What is in a file: certificates, or a list of revoked ones."""
+
+    certificates: tuple[Facts, ...]
+    now: datetime
+    """When it was looked at."""
+    revoked: int | None = None
+    """How many; None: it holds certificates."""
+    until: datetime | None = None
+    """How long the list is good."""
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        if self.revoked is None:
+            return {"certificates": [_as_data(each, self.now) for each in self.certificates]}
+        return {"revoked": self.revoked, "until": None if self.until is None else self.until.isoformat()}
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words."""
+        if self.revoked is not None:
+            until = None if self.until is None else self.until.isoformat()
+            yield f"a list of revoked certificates: {self.revoked}, good until {str(until)[:10]}"
+        for number, each in enumerate(self.certificates):
+            if number:
+                yield ""
+            yield from _lines(each, self.now)
+
+
+def read_file(path: Path, now: datetime) -> FileContent:
+    """Return what is in a file.
 
     Raises:
         FileRefusedError: it cannot be read, or holds neither certificates nor a list of revoked ones.
     """
     try:
-        return {"certificates": [_as_data(each, now) for each in read_facts(path)]}
+        return FileContent(tuple(read_facts(path)), now)
     except FileRefusedError as error:
         try:
             count, ends = list_ends(path)
         except FileRefusedError:
             raise error from None
-    return {"revoked": count, "until": None if ends is None else ends.isoformat()}
+    return FileContent((), now, count, ends)
 
 
-def lines(found: dict[str, Any]) -> Iterator[str]:
-    """Yield the same for people."""
-    if "revoked" in found:
-        yield f"a list of revoked certificates: {found['revoked']}, good until {str(found['until'])[:10]}"
-        return
-    for number, each in enumerate(found["certificates"]):
-        if number:
-            yield ""
-        yield f"{each['kind']}: {each['subject']}"
-        if each["role"]:
-            yield f"  role    {each['role']}"
-        elif each["kind"] == "controller":
-            yield f"  role    none: {each['why_no_role']}"
-        if each["hosts"]:
-            yield f"  hosts   {', '.join(each['hosts'])}"
-        days = f"{each['days_left']} days left" if each["days_left"] >= 0 else "expired"
-        yield f"  good    from {each['from'][:10]} until {each['until'][:10]} ({days})"
-        yield f"  key     {each['key']}{', too weak: ' + each['weakness'] if each['weakness'] else ''}"
-        yield f"  serial  {each['serial']}"
-        yield f"  signed  by {each['issuer']}"
+def _lines(facts: Facts, now: datetime) -> Iterator[str]:
+    kind, left = _kind(facts), (facts.ends - now).days
+    yield f"{kind}: {facts.subject}"
+    if facts.role:
+        yield f"  role    {facts.role}"
+    elif kind == "controller":
+        yield f"  role    none: {facts.why_no_role or None}"
+    if facts.hosts:
+        yield f"  hosts   {', '.join(facts.hosts)}"
+    days = f"{left} days left" if left >= 0 else "expired"
+    yield f"  good    from {facts.begins.isoformat()[:10]} until {facts.ends.isoformat()[:10]} ({days})"
+    yield f"  key     {facts.key}{', too weak: ' + facts.weakness if facts.weakness else ''}"
+    yield f"  serial  {facts.serial}"
+    yield f"  signed  by {facts.issuer}"
 
 
 def _as_data(facts: Facts, now: datetime) -> dict[str, Any]:

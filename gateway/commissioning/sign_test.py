@@ -1,13 +1,36 @@
-"""What a sign test says, and what to change because of it."""
+"""The sign test: whether two readings, or a move, say that an axis is used the right way round.
+
+report = judge_readings(plan, at=-250.0, forward_reading=-249.99, backward_reading=-249.981)
+print(report.test.verdict.value, report.remedy)
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.settings import BacklashKind
 from gateway.exchange.plan import AxisPlan
-from gateway.metrology.sign_test import NOTHING, Pair, SignTest, Verdict, Way
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.scale import TRIAL_MOVE, fault_of_trial
+from gateway.metrology.sign_test import (
+    NOTHING,
+    Measurement,
+    Pair,
+    SignTest,
+    Verdict,
+    Way,
+    best_place,
+    room,
+    sign_test,
+)
 
+UNCERTAINTY_MM = 0.002
+"""What a dial gauge with 1 µm marks or a laser in a workshop can be trusted with."""
+STEPS = 2
+DECIMALS = 6
+APPROACH_MM = 1.0
+"""Beside the hysteresis; as far as measure goes beyond its targets."""
 COLUMNS = {
     "centroid-2": "exchange its two lists: the first is forward, the one behind the comment backward",
     "centroid-3": "exchange its second and third column: away from home, towards home",
@@ -69,7 +92,7 @@ class SignReport:
             return NEGATIVE
         return f'in backlash of [axis.{self.plan.name}] write kind = "{other.value}"'
 
-    def text(self) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """Yield the report, line by line."""
         test, units = self.test, self.plan.settings.units.value
         corrected_by = f"table {self.plan.table_name}" if self.plan.table_name else "backlash alone"
@@ -90,7 +113,7 @@ class SignReport:
         if test.is_right and not test.tells_direction:
             yield "  this near its zero nothing tells whether the axis itself goes the right way"
 
-    def as_json(self) -> dict[str, Any]:
+    def as_data(self) -> dict[str, Any]:
         """Return everything for scripts."""
         test = self.test
         return {
@@ -161,3 +184,108 @@ class SignReport:
 
 def _row(name: str, forward: float, backward: float) -> str:
     return f"{name:<{WIDTH}} {forward:>+12.6f} {backward:>+12.6f}"
+
+
+@dataclass(frozen=True, slots=True)
+class TrialMove:
+    """A move of a known length, and what is wrong with ``counts_per_unit`` by it."""
+
+    plan: AxisPlan
+    commanded: float
+    moved: float
+    fault: str
+    """Empty where its size and sign are right."""
+
+    def as_data(self) -> dict[str, Any]:
+        """Return everything for scripts."""
+        return {
+            "axis": self.plan.name,
+            "units": self.plan.settings.units.value,
+            "commanded": self.commanded,
+            "moved": self.moved,
+            "fault": self.fault,
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield the report, line by line."""
+        units = self.plan.settings.units.value
+        right = f"it moved by {self.moved:.6g} {units}: counts_per_unit has the right size and sign"
+        yield f"axis {self.plan.name}: {self.fault or right}"
+
+
+def judge_move(plan: AxisPlan, moved: float) -> TrialMove:
+    """Judge by how much an axis moved when :data:`TRIAL_MOVE` was commanded.
+
+    Raises:
+        ReadingsError: it is no number.
+    """
+    settings = plan.settings
+    fault = fault_of_trial(moved, settings.counts_per_unit, settings.units)
+    return TrialMove(plan, TRIAL_MOVE[settings.units], moved, fault)
+
+
+def judge_readings(
+    plan: AxisPlan,
+    at: float,
+    forward_reading: float,
+    backward_reading: float,
+    uncertainty: float | None = None,
+) -> SignReport:
+    """Judge the readings of an axis that has a table at one position, approached from both sides.
+
+    All are on the controller's scale, in units of the axis. ``uncertainty``: of a reading; None: what is
+    usual.
+
+    Raises:
+        ReadingsError: the position is outside the table, or a number is none.
+    """
+    settings, table = plan.settings, plan.table
+    assert table is not None
+    curve = spec_of_table(table, settings).curve
+    assert curve is not None
+    if uncertainty is None:
+        uncertainty = usual_uncertainty(plan)
+    offset = settings.machine_offset
+    position = at + offset
+    measurement = Measurement(
+        position,
+        Pair(forward_reading + offset, backward_reading + offset),
+        uncertainty,
+        # A worn screw errs by up to the largest correction, the other way by as much again.
+        largest=2.0 * settings.max_correction,
+        # The axis counts the other way about machine zero, or the instrument about its own.
+        mirrored=(-position, offset - at),
+    )
+    if not curve.covers(position):
+        raise ReadingsError(
+            f"{at:g} is outside its table, which reaches from {table.first - offset:g} to "
+            f"{table.last - offset:g}: measure inside it"
+        )
+    return SignReport(plan, at, uncertainty, sign_test(curve, measurement, _inside(plan)))
+
+
+def usual_uncertainty(plan: AxisPlan) -> float:
+    """Return what a reading is taken to be uncertain by, in units of the axis."""
+    settings = plan.settings
+    return max(settings.units.from_mm(UNCERTAINTY_MM), STEPS * settings.step)
+
+
+def best_position(plan: AxisPlan) -> float:
+    """Return where the readings of an axis tell most, on the controller's scale."""
+    assert plan.table is not None
+    curve = spec_of_table(plan.table, plan.settings).curve
+    assert curve is not None
+    return round(best_place(curve, _inside(plan)).position - plan.settings.machine_offset, DECIMALS)
+
+
+def approach_of(plan: AxisPlan) -> float:
+    """Return from how far a place is approached, in units: more than what the axis takes for no move."""
+    settings = plan.settings
+    return settings.units.from_mm(APPROACH_MM) + settings.hysteresis
+
+
+def _inside(plan: AxisPlan) -> tuple[float, float] | None:
+    """Return where there is room for a sign test, in machine positions; None: everywhere (a rotary axis)."""
+    assert plan.table is not None
+    settings = plan.settings
+    return None if settings.modulo else room(plan.table, settings.travel, approach_of(plan))

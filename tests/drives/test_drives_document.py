@@ -3,8 +3,8 @@
 import re
 from pathlib import Path
 
-from gateway.cli.drives_output import markdown_lines
 from gateway.config.drive_files import read_profile
+from gateway.drives.described import markdown_lines
 from gateway.drives.profile import Profile
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "drives.md").read_text(encoding="utf-8")

@@ -1,5 +1,8 @@
 """The result of a round: as plain data, and as a report with the machine before and after."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 from gateway.commissioning.demo.cycle import AxisView, View
@@ -17,29 +20,47 @@ REQUIRED_RATIO: Final = 1 / 20
 """What the demonstration promises: no more than this share of the error is left."""
 
 
-def as_json(view: View, seconds: float, kept_in: str | None) -> dict[str, Any]:
-    """Return what was found, lengths in µm; ``kept_in`` is the folder of the files, if they stay."""
-    return {
-        "axes": {name: _axis_json(axis) for name, axis in view.axes.items()},
-        "table": {
-            "built_from": "readings of the simulated laser",
-            "format": TABLE_FORMAT,
-            "configuration": CONFIGURATION_NAME,
-            "folder": TABLES_FOLDER,
-            "kept_in": kept_in,
-        },
-        "seed": view.seed,
-        "good": is_good(view),
-        "seconds": round(seconds, 2),
-    }
+@dataclass(frozen=True, slots=True)
+class Demonstrated:
+    """A round that is over, and where what it left is."""
 
+    view: View
+    seconds: float
+    kept_in: Path | None = None
+    """The folder of the files, if they stay."""
+    report: Path | None = None
 
-def is_good(view: View) -> bool:
-    """Whether every axis became as accurate as promised, and read back what was commanded."""
-    return all(
-        axis.is_readback_exact and axis.error_with_um <= REQUIRED_RATIO * axis.error_without_um
-        for axis in view.axes.values()
-    )
+    @property
+    def is_good(self) -> bool:
+        """Whether every axis became as accurate as promised, and read back what was commanded."""
+        return all(
+            axis.is_readback_exact and axis.error_with_um <= REQUIRED_RATIO * axis.error_without_um
+            for axis in self.view.axes.values()
+        )
+
+    def as_data(self) -> dict[str, Any]:
+        """Return what was found, lengths in µm."""
+        return {
+            "axes": {name: _axis_json(axis) for name, axis in self.view.axes.items()},
+            "table": {
+                "built_from": "readings of the simulated laser",
+                "format": TABLE_FORMAT,
+                "configuration": CONFIGURATION_NAME,
+                "folder": TABLES_FOLDER,
+                "kept_in": None if self.kept_in is None else str(self.kept_in),
+            },
+            "seed": self.view.seed,
+            "good": self.is_good,
+            "seconds": round(self.seconds, 2),
+            "report": None if self.report is None else str(self.report),
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield where the files are; what was found is a table on a terminal."""
+        if self.kept_in is not None:
+            yield f"configuration and tables are in {self.kept_in}"
+        if self.report is not None:
+            yield f"the report is {self.report}"
 
 
 def _axis_json(axis: AxisView) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any, Final
 from gateway.commissioning.first_configuration import PARITIES
 from gateway.commissioning.listen.recognition import Match, likely, matches
 from gateway.commissioning.listen.serial_line import Setting
-from gateway.commissioning.listen.traffic import PositionGuess, Tally, UnitTally, Use, function_name
+from gateway.commissioning.listen.traffic import PositionGuess, UnitTally, Use, function_name
 from gateway.drives import library
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -119,15 +119,8 @@ SHOWN_USES = 12
 SHOWN_DRIVES = 3
 
 
-def as_data(tally: Tally, place: Place) -> dict[str, Any]:
-    """Return everything, for scripts."""
-    return {
-        "units": {str(unit_id): _unit_data(unit_id, unit) for unit_id, unit in sorted(tally.units.items())},
-        "configuration": proposed(place, tally.units),
-    }
-
-
-def _unit_data(unit_id: int, unit: UnitTally) -> dict[str, Any]:
+def unit_data(unit_id: int, unit: UnitTally) -> dict[str, Any]:
+    """Return what was heard of a unit id as plain data."""
     found = matches(unit_id, unit)
     return {
         "requests": unit.requests,
@@ -154,13 +147,8 @@ def _unit_data(unit_id: int, unit: UnitTally) -> dict[str, Any]:
     }
 
 
-def as_text(tally: Tally) -> Iterator[str]:
-    """Yield lines for people, without the configuration."""
-    for unit_id, unit in sorted(tally.units.items()):
-        yield from _unit_text(unit_id, unit)
-
-
-def _unit_text(unit_id: int, unit: UnitTally) -> Iterator[str]:
+def unit_lines(unit_id: int, unit: UnitTally) -> Iterator[str]:
+    """Yield what was heard of a unit id in words."""
     name = f"unit {unit_id}" if unit_id else "unit 0 (everybody; nobody answers)"
     refused = ", ".join(f"{count} × exception {code}" for code, count in sorted(unit.exceptions.items()))
     alone = f", {unit.replies_alone} replies without a request" if unit.replies_alone else ""

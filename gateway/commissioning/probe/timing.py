@@ -136,6 +136,26 @@ class LineTimes:
     def _with_cost(self, of: Proposal) -> dict[str, float | None]:
         return {**asdict(of), "silent_drive_costs_ms": self.cost_ms(of)}
 
+    def lines(self) -> Iterator[str]:
+        """Yield what was measured, what is proposed and what it costs."""
+        line = self.line
+        yield f"line {line.name}: answers to reads, from the request to the last byte, in ms"
+        yield from (f"  {_of_unit(unit)}" for unit in self.units)
+        yield from (f"  {left_out}" for left_out in self.left_out)
+        for gap_ms, lost in self.lost_with_gap.items():
+            what = f"{lost} answers lost" if lost else "nothing lost"
+            yield f"  {gap_ms:g} ms of silence before each request, all drives in turn: {what}"
+        proposed = self.proposed
+        if proposed is None:
+            yield f"  error: {self.problem}"
+            return
+        yield f"  now:      {_keys(self.now)}"
+        yield f"  proposed: {_keys(proposed)}"
+        cost_ms, now_ms = self.cost_ms(proposed), self.cost_ms(self.now)
+        times = "three times" if line.timing.backs_off else "each time"
+        yield f"  a drive that falls silent keeps others waiting {times}: {cost_ms:g} ms; now {now_ms:g} ms"
+        yield from (f"  note: {note}" for note in _notes(self, proposed))
+
 
 def keys_of(proposed: Proposal) -> tuple[str, ...]:
     """Return a proposal as lines of ``[line.NAME]``; a gap of 0 is left out.
@@ -248,27 +268,6 @@ async def _read_once(master: ModbusMaster, axis: Axis, place: Place) -> float | 
     except NoReplyError:
         return None
     return master.took_ns / NS_PER_MS
-
-
-def timing_lines(found: LineTimes) -> Iterator[str]:
-    """Yield what was measured of a line, what is proposed and what it costs."""
-    line = found.line
-    yield f"line {line.name}: answers to reads, from the request to the last byte, in ms"
-    yield from (f"  {_of_unit(unit)}" for unit in found.units)
-    yield from (f"  {left_out}" for left_out in found.left_out)
-    for gap_ms, lost in found.lost_with_gap.items():
-        what = f"{lost} answers lost" if lost else "nothing lost"
-        yield f"  {gap_ms:g} ms of silence before each request, all drives in turn: {what}"
-    proposed = found.proposed
-    if proposed is None:
-        yield f"  error: {found.problem}"
-        return
-    yield f"  now:      {_keys(found.now)}"
-    yield f"  proposed: {_keys(proposed)}"
-    cost_ms, now_ms = found.cost_ms(proposed), found.cost_ms(found.now)
-    times = "three times" if line.timing.backs_off else "each time"
-    yield f"  a drive that falls silent keeps others waiting {times}: {cost_ms:g} ms; now {now_ms:g} ms"
-    yield from (f"  note: {note}" for note in _notes(found, proposed))
 
 
 def _of_unit(unit: UnitTimes) -> str:

@@ -1,7 +1,8 @@
-"""What ``pitch-gateway drives`` prints: lines for people, plain data for programs."""
+"""The profiles of drives in words and as plain data: all of them in a list, and one with all that it says."""
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 from gateway.drives import library
@@ -40,37 +41,80 @@ NOT_LISTED: Final = (
 )
 
 
-def list_data() -> list[dict[str, Any]]:
-    """Return the list of profiles as plain data."""
-    return [
-        {
-            "name": name,
-            "tier": profile.tier.value,
-            "title": profile.title,
-            "vendor": profile.vendor,
-            "models": list(profile.models),
-            "transports": [transport.value for transport in profile.transports],
-        }
-        for name in library.names()
-        for profile in (library.shipped(name),)
-    ]
+@dataclass(frozen=True, slots=True)
+class ProfileList:
+    """The profiles that come with the gateway."""
+
+    def as_data(self) -> list[dict[str, Any]]:
+        """Return them as plain data."""
+        return [
+            {
+                "name": name,
+                "tier": profile.tier.value,
+                "title": profile.title,
+                "vendor": profile.vendor,
+                "models": list(profile.models),
+                "transports": [transport.value for transport in profile.transports],
+            }
+            for name in library.names()
+            for profile in (library.shipped(name),)
+        ]
+
+    def lines(self) -> Iterator[str]:
+        """Yield them as a table."""
+        rows = [("name", "tier", "transports", "drive")]
+        rows += [
+            (drive["name"], drive["tier"], ", ".join(drive["transports"]), drive["title"])
+            for drive in self.as_data()
+        ]
+        yield from aligned(rows)
 
 
-def list_lines() -> Iterator[str]:
-    """Yield the list of profiles as a table."""
-    rows = [("name", "tier", "transports", "drive")]
-    rows += [
-        (drive["name"], drive["tier"], ", ".join(drive["transports"]), drive["title"])
-        for drive in list_data()
-    ]
-    yield from aligned(rows)
+@dataclass(frozen=True, slots=True)
+class ProfileShown:
+    """One profile, by the name of the list or of its file."""
+
+    name: str
+    profile: Profile
+
+    def as_data(self) -> dict[str, Any]:
+        """Return everything it says as plain data, and how often which traffic was found in public."""
+        data = {"name": self.name, **self.profile.model_dump(mode="json", exclude_unset=True)}
+        if library.is_name(self.name):
+            kinds = [each.kind for each in public_traffic(self.name)]
+            data["public_traffic"] = {kind.value: kinds.count(kind) for kind in Kind}
+        return data
+
+    def lines(self) -> Iterator[str]:
+        """Yield it as a person reads it."""
+        name, profile = self.name, self.profile
+        yield f"{profile.title} ({name}), tier {profile.tier.value}"
+        yield from _facts(profile)
+        yield ""
+        yield "registers"
+        yield from _map_lines(profile)
+        yield ""
+        yield "what comes of them while the axis is corrected"
+        yield from _consequence_lines(profile)
+        if profile.traps:
+            yield ""
+            yield "traps: go through them before the machine is run"
+        for number, trap in enumerate(profile.traps, start=1):
+            yield from _wrapped(trap.what, f"{number:3}. ")
+            if trap.check:
+                yield from _wrapped(f"Check: {trap.check}", "     ")
+        if library.is_name(name):
+            yield ""
+            yield "public traffic: what programs and manuals send, tried through the gateway"
+            yield from _traffic_lines(name)
+        yield from _source_lines(profile)
 
 
 def markdown_lines() -> Iterator[str]:
     """Yield the list of profiles as a table for the documentation."""
     yield "| name | tier | transports | models | traps |"
     yield "|---|---|---|---|---|"
-    for drive in list_data():
+    for drive in ProfileList().as_data():
         traps = len(library.shipped(drive["name"]).traps)
         models = f"{drive['vendor']}: {', '.join(drive['models'])}"
         transports = ", ".join(drive["transports"])
@@ -86,39 +130,6 @@ def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-
-
-def profile_data(name: str, profile: Profile) -> dict[str, Any]:
-    """Return everything a profile says as plain data, and how often which traffic was found in public."""
-    data = {"name": name, **profile.model_dump(mode="json", exclude_unset=True)}
-    if library.is_name(name):
-        kinds = [each.kind for each in public_traffic(name)]
-        data["public_traffic"] = {kind.value: kinds.count(kind) for kind in Kind}
-    return data
-
-
-def profile_lines(name: str, profile: Profile) -> Iterator[str]:
-    """Yield a profile as a person reads it."""
-    yield f"{profile.title} ({name}), tier {profile.tier.value}"
-    yield from _facts(profile)
-    yield ""
-    yield "registers"
-    yield from _map_lines(profile)
-    yield ""
-    yield "what comes of them while the axis is corrected"
-    yield from _consequence_lines(profile)
-    if profile.traps:
-        yield ""
-        yield "traps: go through them before the machine is run"
-    for number, trap in enumerate(profile.traps, start=1):
-        yield from _wrapped(trap.what, f"{number:3}. ")
-        if trap.check:
-            yield from _wrapped(f"Check: {trap.check}", "     ")
-    if library.is_name(name):
-        yield ""
-        yield "public traffic: what programs and manuals send, tried through the gateway"
-        yield from _traffic_lines(name)
-    yield from _source_lines(profile)
 
 
 def _traffic_lines(name: str) -> Iterator[str]:

@@ -1,0 +1,194 @@
+"""A look at the drives of lines, as one call: what they answer, or how long they take. Nothing is written.
+
+    report = await probe(load(path).plan.lines)
+    for line in report.lines(): print(line)
+
+Not while the gateway runs: a line belongs to one program only.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from gateway.commissioning.probe.judgement import Finding, Weight, findings_of, position_of, said_ids
+from gateway.commissioning.probe.readings import (
+    RETURNED,
+    AxisReadings,
+    ask_unused_unit,
+    ask_with_wrong_crc,
+    read_axis,
+    scan,
+)
+from gateway.commissioning.probe.timing import LineTimes, measure_line
+from gateway.state.plan import LinePlan
+from gateway.transport.errors import TransportError
+from gateway.transport.framing import endpoint_key, returns_requests
+from gateway.transport.master import ModbusMaster
+
+BEFORE_THE_FIRST_MOVE: Final = (
+    "is the controller's own pitch and backlash compensation off?",
+    "is counts_per_unit right, in size and sign? move by 1 mm: pitch-gateway signtest --moved tells",
+    "are the table's sense and its columns right? pitch-gateway signtest tells",
+    "make the first moves slow and short, in the middle of the travel",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Probed:
+    """What was read of axes and what it means, and which lines could not be reached."""
+
+    axes: tuple[tuple[AxisReadings, tuple[Finding, ...]], ...]
+    problems: tuple[str, ...]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether every line was reached, and nothing is wrong with any axis."""
+        return not self.problems and not any(_is_wrong(findings) for _, findings in self.axes)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        axes = {found.plan.name: _axis_data(found, findings) for found, findings in self.axes}
+        return {"axes": axes, "problems": list(self.problems)}
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words, but for the problems."""
+        for found, findings in self.axes:
+            yield from _axis_lines(found, findings)
+        if self.axes:
+            yield "\nBefore the first move:"
+            yield from (f"  - {question}" for question in BEFORE_THE_FIRST_MOVE)
+
+
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """How long the drives of lines took, and which lines could not be reached."""
+
+    times: tuple[LineTimes, ...]
+    problems: tuple[str, ...]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether every line was reached, and its time-outs can be proposed."""
+        return not self.problems and not any(each.problem for each in self.times)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        lines = {each.line.name: each.as_data() for each in self.times}
+        return {"lines": lines, "problems": list(self.problems)}
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words, but for the problems."""
+        for each in self.times:
+            yield from each.lines()
+
+
+async def probe(
+    lines: Sequence[LinePlan],
+    axis: str | None = None,
+    *,
+    is_scanned: bool = False,
+    on_scan: Callable[[LinePlan], None] = lambda _: None,
+) -> Probed:
+    """Read what the register maps name, of one axis or of all, and judge it.
+
+    ``is_scanned``: one register is read under each unit id from 1 to 247 too; ``on_scan`` is called with a
+    line before that begins.
+    """
+    found: list[AxisReadings] = []
+    problems: list[str] = []
+    for line in lines:
+        timing = line.timing
+        master = ModbusMaster(line.drives, timing.response_timeout_ms, timing.gap_ms, timing.drain_ms)
+        try:
+            async with master:
+                of_line = [await read_axis(master, plan) for plan in line.axes if axis in (None, plan.name)]
+                found += of_line
+                if is_scanned:
+                    on_scan(line)
+                    await scan(master, line, of_line)
+                await ask_unused_unit(master, line, of_line[0])
+                for each in of_line:
+                    each.echoes = returns_requests(line.drives) if master.returned >= RETURNED else ""
+                for each in of_line:
+                    await ask_with_wrong_crc(master.exchange_spoilt, line, each)
+        except TransportError as error:
+            problems.append(_unreached(line, error))
+    return Probed(tuple((each, tuple(findings_of(each))) for each in found), tuple(problems))
+
+
+async def time_drives(lines: Sequence[LinePlan]) -> Timed:
+    """Measure how long the drives of lines take to answer reads."""
+    found: list[LineTimes] = []
+    problems: list[str] = []
+    for line in lines:
+        try:
+            found.append(await measure_line(line))
+        except TransportError as error:
+            problems.append(_unreached(line, error))
+    return Timed(tuple(found), tuple(problems))
+
+
+def _unreached(line: LinePlan, error: TransportError) -> str:
+    return f"line.{line.name}.drives.{endpoint_key(line.drives)}: {error.detail}"
+
+
+def _is_wrong(findings: Sequence[Finding]) -> bool:
+    return any(finding.weight is Weight.ERROR for finding in findings)
+
+
+def _axis_data(found: AxisReadings, findings: Sequence[Finding]) -> dict[str, Any]:
+    positions = {
+        name: {
+            "address": reading.place.address,
+            "raw": place.raw,
+            "machine_position": place.corrected,
+            "nominal_forward": place.forward,
+            "nominal_backward": place.backward,
+        }
+        for name, reading in found.readings.items()
+        if reading.words and reading.place.field is not None
+        for place in [position_of(found.plan, reading)]
+    }
+    return {
+        "unit_id": found.plan.unit_id,
+        "units": found.plan.settings.units.value,
+        "answers": found.answers,
+        "answering_unit_ids": found.answering,
+        "on_wrong_crc": None if found.on_wrong_crc is None else found.on_wrong_crc.value,
+        "bits": {name: found.bit(name) for name in found.plan.bits},
+        "positions": positions,
+        "findings": [{"weight": finding.weight.value, "text": finding.text} for finding in findings],
+        "wrong": _is_wrong(findings),
+    }
+
+
+def _axis_lines(found: AxisReadings, findings: Sequence[Finding]) -> Iterator[str]:
+    plan = found.plan
+    units = plan.settings.units.value
+    answers = found.instead or ("answers" if found.answers else "no answer")
+    yield f"axis {plan.name}, unit id {plan.unit_id}: {answers}"
+    bits = [f"{name} {_bit(found.bit(name))}" for name in plan.bits]
+    if bits and found.answers and not found.instead:
+        yield f"  bits       {', '.join(bits)}"
+    for name, reading in found.readings.items():
+        if not reading.words or reading.place.field is None:
+            continue
+        place = position_of(plan, reading)
+        yield (
+            f"  {name:<10} raw {_raw(place.raw)}, machine position {place.corrected:.10g} {units}; "
+            f"nominal {place.forward:.10g} forward, {place.backward:.10g} backward"
+        )
+    yield from (f"  {finding.weight.value}: {finding.text}" for finding in findings)
+    if found.answering:
+        yield f"  scan: {said_ids(found.answering)}"
+    if all(finding.weight is Weight.NOTE for finding in findings):
+        yield "  nothing that was read is wrong"
+
+
+def _raw(raw: float) -> str:
+    """Write the content of a register in full: a count is a whole number."""
+    return f"{raw:.0f}" if raw == int(raw) else f"{raw:.9g}"
+
+
+def _bit(is_set: bool | None) -> str:
+    return "not read" if is_set is None else "yes" if is_set else "no"
