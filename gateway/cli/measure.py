@@ -1,11 +1,9 @@
 """``pitch-gateway measure CONFIG --axis X``."""
 
-import json
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from signal import SIGINT
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -15,11 +13,7 @@ from gateway.cli.options import takes_options
 from gateway.commissioning.measure.options import MeasureOptions
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
-
     from gateway.commissioning.measure.measuring import Measured, Measuring
-    from gateway.metrology.cycle import Stop
-    from gateway.metrology.readings import Reading
 
 STOPPED_BY_SIGNAL: Final = 128
 """Added to the number of a signal, this is the exit code of a command that it stopped, as in a shell."""
@@ -101,6 +95,7 @@ def _ask(config: Path) -> None:
 
 def _run(measuring: "Measuring", *, as_json: bool) -> None:
     """Let the axis be measured, and show what happens. Raises MeasureError."""
+    from gateway.cli.measure_progress import AsBar, AsJson, AsLines
     from gateway.commissioning.measure.instruments import Keyboard
 
     units = measuring.units.value
@@ -127,6 +122,7 @@ def _result(config: Path, measuring: "Measuring") -> "Measured":
 
 
 def _show(measured: "Measured", *, as_json: bool) -> None:
+    from gateway.cli.measure_progress import AsJson
     from gateway.cli.table_output import results_text
 
     found = measured.outcome
@@ -140,128 +136,3 @@ def _show(measured: "Measured", *, as_json: bool) -> None:
             typer.echo(line)
     for note in measured.notes:
         typer.echo(note, err=as_json)
-
-
-# --- what is seen of a run while it goes on: a ``Showing`` of gateway.commissioning.measure.running --------
-
-
-class AsLines:
-    """A line for each reading, on standard error."""
-
-    def __init__(self, units: str) -> None:
-        self._units = units
-        self._total = 0
-        self._done = 0
-
-    def say(self, text: str) -> None:
-        """See ``Showing``."""
-        typer.echo(text, err=True)
-
-    def begin(self, total: int, done: int) -> None:
-        """See ``Showing``."""
-        self._total, self._done = total, done
-
-    def going(self, stop: "Stop") -> None:
-        """See ``Showing``."""
-
-    def waiting(self, stop: "Stop") -> None:
-        """See ``Showing``."""
-
-    def took(self, reading: "Reading") -> None:
-        """See ``Showing``."""
-        self._done += 1
-        self.say(line_of(self._done, self._total, reading, self._units))
-
-    def happened(self, event: str, facts: Mapping[str, Any]) -> None:
-        """See ``Showing``."""
-
-    def end(self) -> None:
-        """See ``Showing``."""
-
-
-class AsBar(AsLines):
-    """A bar on a terminal, with the lines above it."""
-
-    def __init__(self, units: str) -> None:
-        super().__init__(units)
-        self._bar: Progress | None = None
-        self._task: TaskID | None = None
-
-    def say(self, text: str) -> None:
-        """See ``Showing``."""
-        if self._bar is None:
-            super().say(text)
-        else:
-            self._bar.console.print(text, highlight=False, markup=False)
-
-    def begin(self, total: int, done: int) -> None:
-        """See ``Showing``."""
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-        super().begin(total, done)
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-        self._bar = Progress(*columns, console=Console(stderr=True))
-        self._task = self._bar.add_task("", total=total, completed=done)
-        self._bar.start()
-
-    def going(self, stop: "Stop") -> None:
-        """See ``Showing``."""
-        if self._bar is not None and self._task is not None:
-            self._bar.update(self._task, description=f"to {stop.nominal:.9g} {self._units}")
-
-    def took(self, reading: "Reading") -> None:
-        """See ``Showing``."""
-        super().took(reading)
-        if self._bar is not None and self._task is not None:
-            self._bar.advance(self._task)
-
-    def end(self) -> None:
-        """See ``Showing``."""
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
-
-
-class AsJson(AsLines):
-    """A line of JSON on standard output for everything that happens; sentences on standard error."""
-
-    def begin(self, total: int, done: int) -> None:
-        """See ``Showing``."""
-        super().begin(total, done)
-        self.happened("begin", {"readings": total, "done": done})
-
-    def going(self, stop: "Stop") -> None:
-        """See ``Showing``."""
-        self.happened("going", {"target": stop.nominal, "measure": stop.measure, "run": stop.run})
-
-    def waiting(self, stop: "Stop") -> None:
-        """See ``Showing``."""
-        way = stop.direction.name.lower()
-        self.happened("waiting", {"target": stop.nominal, "direction": way, "run": stop.run})
-
-    def took(self, reading: "Reading") -> None:
-        """See ``Showing``."""
-        self._done += 1
-        facts = {"target": reading.target, "direction": reading.direction.name.lower(), "run": reading.run}
-        self.happened("reading", {**facts, "measured": reading.measured})
-
-    def happened(self, event: str, facts: Mapping[str, Any]) -> None:
-        """See ``Showing``."""
-        sys.stdout.write(json.dumps({"event": event, **facts}) + "\n")
-        sys.stdout.flush()
-
-
-def line_of(number: int, total: int, reading: "Reading", units: str) -> str:
-    """Return a reading as a person reads it.
-
-    >>> from gateway.compensation.direction import Direction
-    >>> from gateway.metrology.readings import Reading
-    >>> line_of(3, 110, Reading(50.0, Direction.FORWARD, 50.0123), "mm")
-    '3/110  run 1  50 mm forward: 50.0123, deviation +0.0123'
-    """
-    way = reading.direction.name.lower()
-    return (
-        f"{number}/{total}  run {reading.run}  {reading.target:.9g} {units} {way}: "
-        f"{reading.measured:.9g}, deviation {reading.deviation:+.4f}"
-    )

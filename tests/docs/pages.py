@@ -35,7 +35,16 @@ class Block(NamedTuple):
 
 def blocks(page: str) -> list[Block]:
     """Return the blocks of code of a page in their order."""
-    text = (DOCS / page).read_text(encoding="utf-8")
+    return _blocks((DOCS / page).read_text(encoding="utf-8"))
+
+
+def blocks_by_section(page: str) -> dict[str, list[Block]]:
+    """Return the blocks of code of a page by the sections in which they are."""
+    _, *sections = re.split(r"^## ", (DOCS / page).read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {section.partition("\n")[0]: _blocks(section) for section in sections}
+
+
+def _blocks(text: str) -> list[Block]:
     return [Block(*found.groups()) for found in _BLOCK.finditer(text)]
 
 

@@ -6,7 +6,7 @@ The request to stop comes at any time, and is obeyed between two exchanges, neve
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, TypeVar
 
 from gateway.commissioning.measure.axis_link import AxisLink, Look, LostAxisError
 from gateway.commissioning.measure.errors import AxisError, BadReadingError, StoppedError
@@ -24,36 +24,29 @@ STOP_TIMEOUT_S: Final = 10.0
 Result = TypeVar("Result")
 
 
-class Showing(Protocol):
-    """Told of everything as it happens. Positions are in units of the axis."""
+class Showing:
+    """Told of everything as it happens, and shows nothing of it. Positions are in units of the axis."""
 
     def say(self, text: str) -> None:
         """Say one sentence."""
-        ...
 
     def begin(self, total: int, done: int) -> None:
         """So many readings are to be taken, of which some are there already."""
-        ...
 
     def going(self, stop: Stop) -> None:
         """The axis was commanded to a stop."""
-        ...
 
     def waiting(self, stop: Stop) -> None:
         """The axis stands at a stop, and the next reading is that of it."""
-        ...
 
     def took(self, reading: Reading) -> None:
         """A reading was taken, and is on the disk."""
-        ...
 
     def happened(self, event: str, facts: Mapping[str, Any]) -> None:
         """Something that a program wants to know; a person is told in words."""
-        ...
 
     def end(self) -> None:
         """Nothing moves any more."""
-        ...
 
 
 class Halt:

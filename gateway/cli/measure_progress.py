@@ -1,0 +1,124 @@
+"""What a person, or a program, sees of a measuring run while it goes on."""
+
+import json
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from gateway.commissioning.measure.running import Showing
+from gateway.metrology.cycle import Stop
+from gateway.metrology.readings import Reading
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+
+class AsLines(Showing):
+    """A line for each reading, on standard error."""
+
+    def __init__(self, units: str) -> None:
+        self._units = units
+        self._total = 0
+        self._done = 0
+
+    def say(self, text: str) -> None:
+        """See :class:`Showing`."""
+        typer.echo(text, err=True)
+
+    def begin(self, total: int, done: int) -> None:
+        """See :class:`Showing`."""
+        self._total, self._done = total, done
+
+    def took(self, reading: Reading) -> None:
+        """See :class:`Showing`."""
+        self._done += 1
+        self.say(line_of(self._done, self._total, reading, self._units))
+
+
+class AsBar(AsLines):
+    """A bar on a terminal, with the lines above it."""
+
+    def __init__(self, units: str) -> None:
+        super().__init__(units)
+        self._bar: Progress | None = None
+        self._task: TaskID | None = None
+
+    def say(self, text: str) -> None:
+        """See :class:`Showing`."""
+        if self._bar is None:
+            super().say(text)
+        else:
+            self._bar.console.print(text, highlight=False, markup=False)
+
+    def begin(self, total: int, done: int) -> None:
+        """See :class:`Showing`."""
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        super().begin(total, done)
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        self._bar = Progress(*columns, console=Console(stderr=True))
+        self._task = self._bar.add_task("", total=total, completed=done)
+        self._bar.start()
+
+    def going(self, stop: Stop) -> None:
+        """See :class:`Showing`."""
+        if self._bar is not None and self._task is not None:
+            self._bar.update(self._task, description=f"to {stop.nominal:.9g} {self._units}")
+
+    def took(self, reading: Reading) -> None:
+        """See :class:`Showing`."""
+        super().took(reading)
+        if self._bar is not None and self._task is not None:
+            self._bar.advance(self._task)
+
+    def end(self) -> None:
+        """See :class:`Showing`."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+
+class AsJson(AsLines):
+    """A line of JSON on standard output for everything that happens; sentences on standard error."""
+
+    def begin(self, total: int, done: int) -> None:
+        """See :class:`Showing`."""
+        super().begin(total, done)
+        self.happened("begin", {"readings": total, "done": done})
+
+    def going(self, stop: Stop) -> None:
+        """See :class:`Showing`."""
+        self.happened("going", {"target": stop.nominal, "measure": stop.measure, "run": stop.run})
+
+    def waiting(self, stop: Stop) -> None:
+        """See :class:`Showing`."""
+        way = stop.direction.name.lower()
+        self.happened("waiting", {"target": stop.nominal, "direction": way, "run": stop.run})
+
+    def took(self, reading: Reading) -> None:
+        """See :class:`Showing`."""
+        self._done += 1
+        facts = {"target": reading.target, "direction": reading.direction.name.lower(), "run": reading.run}
+        self.happened("reading", {**facts, "measured": reading.measured})
+
+    def happened(self, event: str, facts: Mapping[str, Any]) -> None:
+        """See :class:`Showing`."""
+        sys.stdout.write(json.dumps({"event": event, **facts}) + "\n")
+        sys.stdout.flush()
+
+
+def line_of(number: int, total: int, reading: Reading, units: str) -> str:
+    """Return a reading as a person reads it.
+
+    >>> from gateway.compensation.direction import Direction
+    >>> line_of(3, 110, Reading(50.0, Direction.FORWARD, 50.0123), "mm")
+    '3/110  run 1  50 mm forward: 50.0123, deviation +0.0123'
+    """
+    way = reading.direction.name.lower()
+    return (
+        f"{number}/{total}  run {reading.run}  {reading.target:.9g} {units} {way}: "
+        f"{reading.measured:.9g}, deviation {reading.deviation:+.4f}"
+    )
