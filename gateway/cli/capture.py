@@ -1,17 +1,31 @@
 """``pitch-gateway capture CONFIG``."""
 
 import json
+import os
 import sys
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, BinaryIO, Final
 
 import typer
 
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit
+from gateway.cli.output import Format, print_json, print_lines
 
 if TYPE_CHECKING:
-    from gateway.cli.capturing.showing import Taken
+    from rich.console import Console
+
+    from gateway.commissioning.frames import Frame, LineFrames, Taken
+
+EVERY_S: Final = 0.1
+STANDARD_OUTPUT: Final = "-"
+COLOURS: Final = {"request": "cyan", "answered": "cyan", "sent": "green", "reply": "green"}
+"""The side of the controllers, and that of the drives."""
+TROUBLE: Final = "red"
+LOST: Final = "frames were lost: they came faster than they could be looked at"
 
 
 def capture(
@@ -58,7 +72,7 @@ def capture(
 
         pitch-gateway capture gateway.toml --follow --json | jq .
     """
-    from gateway.cli.capturing.showing import NothingTakenError, take
+    from gateway.commissioning.frames import LineFrames, NothingTakenError
     from gateway.ipc.client import NobodyListensError, NoGatewayError
     from gateway.recording.capture import NoCaptureError
 
@@ -67,20 +81,90 @@ def capture(
         raise typer.Exit(2)
     loaded = load_or_exit(config)
     try:
-        taken = take(loaded, file, pcapng, line, is_following=follow, as_json=as_json)
+        frames = LineFrames(loaded, line)
+        if frames.is_of_another:
+            typer.echo(f"{config}: is not what the gateway was started with: names may be wrong", err=True)
+        with frames, _opened(pcapng) as out:
+            if follow:
+                with suppress(KeyboardInterrupt):
+                    _follow(frames, out, as_json=as_json)
+            elif file is None and out is None:
+                _print(frames.new(), _console(), as_json=as_json)
+            else:
+                taken = frames.take(file, out, None if pcapng == STANDARD_OUTPUT else pcapng)
+                _report(taken, as_json=as_json)
     except NobodyListensError as error:
         typer.echo(f"{config}: {error}; start it with: pitch-gateway run {config}", err=True)
         raise typer.Exit(1) from None
     except (NoGatewayError, NoCaptureError, NothingTakenError) as error:
         typer.echo(f"{config}: {error}", err=True)
         raise typer.Exit(1) from None
-    if taken is not None:
-        _report(taken, as_json=as_json)
 
 
 def _report(taken: "Taken", *, as_json: bool) -> None:
     if as_json:
-        sys.stdout.write(json.dumps(taken.as_data()) + "\n")
+        print_json(taken.as_data(), Format.JSON)
+    else:
+        print_lines(taken.lines(), err=True)
+
+
+def _follow(frames: "LineFrames", out: BinaryIO | None, *, as_json: bool) -> None:
+    """Go on until somebody ends it, or the gateway its tape."""
+    frames.skip()  # what was before is for those who do not follow
+    if out is not None:
+        frames.begin_packets(out)
+    console = _console()
+    while True:
+        if out is None:
+            found = frames.new()
+            _say_lost(frames)
+            _print(found, console, as_json=as_json)
+            sys.stdout.flush()
+        else:
+            frames.write_packets(out)
+            _say_lost(frames)
+        time.sleep(EVERY_S)
+
+
+def _say_lost(frames: "LineFrames") -> None:
+    if frames.is_lost:
+        typer.echo(LOST, err=True)
+
+
+def _console() -> "Console":
+    from rich.console import Console
+
+    return Console(highlight=False, soft_wrap=True)
+
+
+def _print(found: "Iterable[Frame]", console: "Console", *, as_json: bool) -> None:
+    """Print frames, in words or as JSON lines."""
+    from rich.text import Text
+
+    for frame in found:
+        if as_json:
+            sys.stdout.write(json.dumps(frame.as_data(), ensure_ascii=False) + "\n")
+        else:
+            colour = TROUBLE if frame.is_trouble else COLOURS.get(frame.kind, "yellow")
+            console.print(Text(frame.words, colour))
+
+
+@contextmanager
+def _opened(pcapng: str | None) -> "Iterator[BinaryIO | None]":
+    """Open the file for Wireshark. Raises NothingTakenError: it is there, or cannot be written."""
+    from gateway.commissioning.frames import NothingTakenError
+
+    if pcapng is None:
+        yield None
         return
-    for path in taken.files:
-        typer.echo(f"{taken.frames} frames of {taken.span} in {path}", err=True)
+    if pcapng == STANDARD_OUTPUT:
+        yield sys.stdout.buffer
+        return
+    try:
+        descriptor = os.open(pcapng, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    except FileExistsError:
+        raise NothingTakenError(f"{pcapng}: exists already; write into a new file, or remove it") from None
+    except OSError as error:
+        raise NothingTakenError(f"{pcapng}: cannot be written ({error.strerror or error})") from None
+    with os.fdopen(descriptor, "wb") as out:
+        yield out

@@ -1,1 +1,0 @@
-"""What ``pitch-gateway capture`` makes of the frames of a line."""

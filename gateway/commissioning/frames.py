@@ -1,0 +1,180 @@
+"""The last minutes of the lines, out of a gateway that runs, which does nothing for it and goes on.
+
+with LineFrames(load(path)) as frames:
+    for frame in frames.new():
+        print(frame.words)
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Final, Self
+
+import msgspec
+
+from gateway.config.load import Loaded
+from gateway.config.recording_header import header_of
+from gateway.ipc.client import ask
+from gateway.ipc.messages import Ping, Pong
+from gateway.ipc.place import SocketError, socket_path
+from gateway.recording import traffic
+from gateway.recording.capture import Capture, Timed, write_recording
+from gateway.recording.pcapng import PcapNg
+from gateway.recording.readable import Reader
+from gateway.state.plan import shape_of
+from gateway.times import NS_PER_S, span
+
+FRAMES: Final = (traffic.Request, traffic.Answered, traffic.Sent, traffic.Reply)
+OF_TROUBLE: Final = frozenset({"abandoned", "stray", "down"})
+
+
+class NothingTakenError(Exception):
+    """Nothing could be taken or written; why, and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame, or something else that happened on a line."""
+
+    wall_s: float
+    """Seconds since 1970."""
+    entry: traffic.Entry
+    words: str
+
+    @property
+    def kind(self) -> str:
+        """What it is, in a word."""
+        return traffic.kind_of(self.entry)
+
+    @property
+    def is_trouble(self) -> bool:
+        """Whether something went wrong."""
+        return "exception" in self.words or self.kind in OF_TROUBLE
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        when = datetime.fromtimestamp(self.wall_s, UTC).isoformat(timespec="microseconds")
+        return {"time": when, **msgspec.to_builtins(self.entry), "words": self.words.split(None, 2)[-1]}
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """What was written."""
+
+    frames: int
+    seconds: float
+    files: tuple[str, ...]
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {"frames": self.frames, "seconds": round(self.seconds, 6), "files": list(self.files)}
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words."""
+        for path in self.files:
+            yield f"{self.frames} frames of {span(self.seconds)} in {path}"
+
+
+class LineFrames:
+    """The frames that a gateway keeps, of one line or of all; enter it to borrow them.
+
+    Raises:
+        NoGatewayError, NoCaptureError: there is nothing to look into; also when it is entered.
+        NothingTakenError: the state folder cannot have a socket.
+    """
+
+    def __init__(self, loaded: Loaded, line: str | None = None) -> None:
+        try:
+            self._socket = socket_path(loaded.state_folder)
+        except SocketError as error:
+            raise NothingTakenError(f"gateway.state: {error}") from None
+        pong = ask(self._socket, Ping())
+        self.is_of_another = isinstance(pong, Pong) and pong.shape != shape_of(loaded.plan)
+        """Whether the gateway was started with another configuration: names may be wrong then."""
+        self._loaded = loaded
+        self._line = line
+        self._reader = Reader(loaded.plan)
+        self._pcapng = PcapNg(loaded.plan, line)
+        self._capture: Capture | None = None
+        self.is_lost = False
+        """Whether something before what was last asked for came faster than it was."""
+
+    def __enter__(self) -> Self:
+        """Borrow the memory in which they are."""
+        self._capture = Capture(self._socket, self._line)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Give it back."""
+        if self._capture is not None:
+            self._capture.close()
+
+    def skip(self) -> None:
+        """Leave out what there is by now."""
+        self._new()
+
+    def new(self) -> list[Frame]:
+        """Return what has come since it was asked last."""
+        return [
+            Frame(self._wall_ns(t_ns) / NS_PER_S, entry, self._reader.line(entry))
+            for t_ns, entry in self._new()
+            if not isinstance(entry, traffic.Header | traffic.End | traffic.Port | traffic.Beginning)
+        ]
+
+    def begin_packets(self, out: BinaryIO) -> None:
+        """Write the beginning of a file that Wireshark reads."""
+        out.write(self._pcapng.head())
+        out.flush()
+
+    def write_packets(self, out: BinaryIO) -> None:
+        """Write what has come since it was asked last to such a file."""
+        self._write_packets(out, self._new())
+
+    def take(self, file: Path | None, out: BinaryIO | None, name: str | None) -> Taken:
+        """Write all that is kept into a new file that ``replay`` runs, and to one that Wireshark reads.
+
+        ``name`` is what the latter is called, None where it is no file.
+
+        Raises:
+            NothingTakenError: the file is there, or cannot be written.
+        """
+        timed = self._new()
+        files = []
+        if file is not None:
+            self._write_recording(file, timed)
+            files.append(str(file))
+        if out is not None:
+            self.begin_packets(out)
+            self._write_packets(out, timed)
+            files += [] if name is None else [name]
+        frames = sum(isinstance(entry, FRAMES) for _, entry in timed)
+        seconds = (timed[-1][0] - timed[0][0]) / NS_PER_S if timed else 0.0
+        return Taken(frames, seconds, tuple(files))
+
+    def _new(self) -> list[Timed]:
+        assert self._capture is not None, "enter it first"
+        timed, self.is_lost = self._capture.new()
+        return timed
+
+    def _wall_ns(self, t_ns: int) -> int:
+        assert self._capture is not None
+        return self._capture.wall_ns(t_ns)
+
+    def _write_packets(self, out: BinaryIO, timed: list[Timed]) -> None:
+        if timed:
+            out.writelines(self._pcapng.packet(entry, self._wall_ns(t_ns)) for t_ns, entry in timed)
+            out.flush()
+
+    def _write_recording(self, file: Path, timed: list[Timed]) -> None:
+        try:
+            write_recording(file, header_of(self._loaded, traffic.CAPTURED), (entry for _, entry in timed))
+        except FileExistsError:
+            raise NothingTakenError(
+                f"{file}: exists already; write into a new file, or remove this one"
+            ) from None
+        except OSError as error:
+            raise NothingTakenError(f"{file}: cannot be written ({error.strerror or error})") from None
