@@ -1,6 +1,5 @@
 """``pitch-gateway budget CONFIG``."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,6 +7,7 @@ import typer
 
 from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import load_or_exit
+from gateway.cli.output import print_json
 
 if TYPE_CHECKING:
     from gateway.budget.sequence import Blocks
@@ -106,7 +106,7 @@ def _say_json(plan: "GatewayPlan", blocks: "Blocks", findings: "Findings") -> No
         "problems": [problem.as_dict() for problem in findings.problems],
         "warnings": [warning.as_dict() for warning in findings.warnings],
     }
-    typer.echo(json.dumps(result, indent=2, ensure_ascii=False))
+    print_json(result)
 
 
 def _say(plan: "GatewayPlan", blocks: "Blocks", findings: "Findings") -> None:

@@ -1,6 +1,5 @@
 """``pitch-gateway check CONFIG``."""
 
-import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,6 +7,7 @@ import typer
 
 from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import compile_or_exit
+from gateway.cli.output import print_json
 
 if TYPE_CHECKING:
     from gateway.config.load import Loaded
@@ -85,4 +85,4 @@ def _say_json(
     }
     if amounts_to is not None:
         result["summary"] = amounts_to
-    typer.echo(json.dumps(result, indent=2, ensure_ascii=False))
+    print_json(result)

@@ -1,6 +1,5 @@
 """Sending a command to the gateway of a configuration, and saying what came of it."""
 
-import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gateway.cli.configuration import state_folder_or_exit
+from gateway.cli.output import Format, print_json
 
 if TYPE_CHECKING:
     from gateway.ipc.messages import Reply, Request
@@ -31,7 +31,7 @@ def ask_or_exit(config: Path, request: "Request", *, as_json: bool = False) -> "
     except NoRelayError as error:
         problem = str(error)
     if as_json:
-        typer.echo(_result([], [problem]))
+        print_json(_result([], [problem]), Format.JSON)
     typer.echo(f"{config}: {problem}", err=True)
     raise typer.Exit(1)
 
@@ -43,7 +43,7 @@ def command(config: Path, request: "Request", done: str, nothing: str, *, as_jso
     reply = ask_or_exit(config, request, as_json=as_json)
     assert isinstance(reply, Done), "a command is answered by what it did"
     if as_json:
-        typer.echo(_result(reply.changed, reply.problems))
+        print_json(_result(reply.changed, reply.problems), Format.JSON)
     else:
         _say(reply.changed, done)
         if not reply.changed and not reply.problems:
@@ -54,8 +54,8 @@ def command(config: Path, request: "Request", done: str, nothing: str, *, as_jso
         raise typer.Exit(1)
 
 
-def _result(changed: Iterable[str], problems: Iterable[str]) -> str:
-    return json.dumps({"changed": list(changed), "problems": list(problems)})
+def _result(changed: Iterable[str], problems: Iterable[str]) -> dict[str, list[str]]:
+    return {"changed": list(changed), "problems": list(problems)}
 
 
 def _say(axes: Iterable[str], done: str) -> None:

@@ -1,11 +1,11 @@
 """``pitch-gateway explain NAME``."""
 
-import json
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gateway.cli.arguments import AsJson
+from gateway.cli.output import print_json
 
 if TYPE_CHECKING:
     from gateway.catalogue.lookup import Explanation
@@ -37,7 +37,7 @@ def _list_all(*, as_json: bool) -> None:
     parts = everything()
     if as_json:
         data = {kind: [entry.as_data() for entry in entries] for kind, entries in parts.items()}
-        typer.echo(json.dumps(data, indent=2, ensure_ascii=False))
+        print_json(data)
         return
     for kind, entries in parts.items():
         typer.echo(f"{kind}:")
@@ -98,7 +98,7 @@ def explain(
         typer.echo(f'nothing is called "{name}"; {hint}', err=True)
         raise typer.Exit(1)
     if as_json:
-        typer.echo(json.dumps([entry.as_data() for entry in found], indent=2, ensure_ascii=False))
+        print_json([entry.as_data() for entry in found])
         return
     for number, entry in enumerate(found):
         if number:

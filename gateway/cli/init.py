@@ -1,7 +1,6 @@
 """``pitch-gateway init``."""
 
 import asyncio
-import json
 import os
 import platform
 import re
@@ -17,6 +16,7 @@ import typer
 
 from gateway.cli import init_options as options
 from gateway.cli.asking import Asking, number, text, two_numbers, whole_number
+from gateway.cli.output import print_json
 
 if TYPE_CHECKING:
     from gateway.commissioning.first_configuration import Draft, Serial
@@ -464,7 +464,7 @@ def _say_what_is_left(file: Path, following: list[str], *, as_json: bool) -> boo
             "warnings": [warning.as_dict() for warning in warnings],
             "next": following,
         }
-        typer.echo(json.dumps(result, indent=2, ensure_ascii=False))
+        print_json(result)
         return not left
     typer.echo(f"{file} is written" + ("; left to do:" if left else " and good"))
     for problem in left:

@@ -1,13 +1,13 @@
 """``pitch-gateway reload CONFIG``."""
 
 import contextlib
-import json
 from pathlib import Path
 from typing import Any, Final
 
 import typer
 
 from gateway.cli.arguments import AsJson, Config
+from gateway.cli.output import Format, print_json
 
 PATIENCE_S: Final = 60.0
 """For the supervisor: tables of a million points take seconds each."""
@@ -53,7 +53,7 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
             "problems": problems,
             "running": outcome["is_running"],
         }
-        typer.echo(json.dumps(result))
+        print_json(result, Format.JSON)
     else:
         _say(outcome)
     for problem in problems:

@@ -1,6 +1,5 @@
 """``pitch-gateway replay FILE``."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +8,7 @@ import typer
 
 from gateway.cli.arguments import AsJson
 from gateway.cli.configuration import load_or_exit
+from gateway.cli.output import Format, print_json
 
 if TYPE_CHECKING:
     from gateway.exchange.events import Event
@@ -129,17 +129,16 @@ def _show_event(line: str, event: "Event") -> None:
 
 def _report(file: Path, result: "ReplayResult", *, as_json: bool) -> None:
     if as_json:
-        typer.echo(
-            json.dumps(
-                {
-                    "inputs": result.inputs,
-                    "outputs": result.outputs,
-                    "different": result.different,
-                    "is_cut_off": result.is_cut_off,
-                    "before": result.before,
-                    "first": [_as_json(difference) for difference in result.first],
-                }
-            )
+        print_json(
+            {
+                "inputs": result.inputs,
+                "outputs": result.outputs,
+                "different": result.different,
+                "is_cut_off": result.is_cut_off,
+                "before": result.before,
+                "first": [_as_json(difference) for difference in result.first],
+            },
+            Format.JSON,
         )
         return
     if result.is_cut_off:

@@ -1,6 +1,5 @@
 """``pitch-gateway service CONFIG``."""
 
-import json
 import os
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -9,6 +8,7 @@ import typer
 
 from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import load_or_exit
+from gateway.cli.output import print_json
 
 DROP_IN: Final = "configuration.conf"
 READABLE: Final = 0o644
@@ -94,4 +94,4 @@ def _say_json(texts: dict[str, str], written: dict[Path, bool]) -> None:
         "drop_ins": texts,
         "files": [{"file": str(path), "changed": is_new} for path, is_new in written.items()],
     }
-    typer.echo(json.dumps(result, indent=2, ensure_ascii=False))
+    print_json(result)

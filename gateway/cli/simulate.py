@@ -1,7 +1,6 @@
 """``pitch-gateway simulate``: drives without a machine."""
 
 import asyncio
-import json
 import signal
 from contextlib import suppress
 from dataclasses import asdict
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gateway.cli.arguments import Config
+from gateway.cli.output import Format, print_json
 
 if TYPE_CHECKING:
     from gateway.simulator.ears import Hearing
@@ -168,7 +168,7 @@ async def _serve(
             said = {"lines": lines, "speed_up": speed_up, "seed": seed}
             if gauge:
                 said["gauges"] = {each.axis: path for path, each in gauges.items()}
-            typer.echo(json.dumps({"event": "serving", **said}))
+            print_json({"event": "serving", **said}, Format.JSON)
             await ended.wait()
             return
         for line in world.served:

@@ -1,12 +1,12 @@
 """``pitch-gateway status CONFIG``."""
 
-import json
 from typing import Annotated
 
 import typer
 
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import state_folder_or_exit
+from gateway.cli.output import print_json
 
 
 def status(
@@ -45,7 +45,7 @@ def status(
         typer.echo(f"{config}: {error}", err=True)
         raise typer.Exit(1) from None
     if as_json:
-        typer.echo(json.dumps(seen, indent=2, ensure_ascii=False))
+        print_json(seen)
     else:
         from rich.console import Console
 
