@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 import typer
 
-from gateway.cli import init_options as options
 from gateway.cli.asking import Asking, number, text, two_numbers, whole_number
+from gateway.cli.init_options import InitOptions, TargetFile, further_axis
+from gateway.cli.options import takes_options
 from gateway.cli.output import print_json
 
 if TYPE_CHECKING:
@@ -37,6 +38,18 @@ QUESTIONS: Final[Mapping[str, tuple[Callable[..., Any], str]]] = {
 """How what the options leave open is asked for, in this order."""
 OF_LINE: Final = ("drives_at", "drives_format", "controller_at", "controller_format")
 """Those of them that are asked once; the others are asked for each axis."""
+OF_AXIS: Final = (
+    "axis",
+    "drive",
+    "unit_id",
+    "units",
+    "counts_per_unit",
+    "referenced",
+    "travel",
+    "home_approach",
+    "table",
+)
+"""What the options say of the first axis, and ``--another-axis`` of a further one."""
 AS_BEFORE: Final = ("drive", "units", "referenced", "home_approach")
 """What a further axis has as the one before, unless something else is said."""
 ANOTHER_QUESTION: Final = "Another axis on the same line?"
@@ -67,36 +80,8 @@ COMPENSATION_REFUSAL: Final = (
 )
 
 
-def init(
-    file: options.TargetFile = Path("gateway.toml"),
-    *,
-    controller_compensation_off: options.CompensationOff = False,
-    name: options.Name = None,
-    drive: options.Drive = None,
-    drives_at: options.DrivesAt = None,
-    controller_at: options.ControllerAt = None,
-    baudrate: options.Baudrate = None,
-    parity: options.Parity = None,
-    stop_bits: options.StopBits = None,
-    controller_baudrate: options.ControllerBaudrate = None,
-    controller_parity: options.ControllerParity = None,
-    controller_stop_bits: options.ControllerStopBits = None,
-    axis: options.Axis = None,
-    unit_id: options.UnitId = None,
-    units: options.AxisUnits = None,
-    counts_per_unit: options.Counts = None,
-    travel: options.Travel = None,
-    table: options.Table = None,
-    referenced: options.Referenced = None,
-    home_approach: options.HomeApproach = None,
-    another_axis: options.AnotherAxis = None,
-    measure: options.Measure = None,
-    scan: options.Scan = False,
-    ask: options.Ask = None,
-    force: options.Force = False,
-    systemd: options.Systemd = None,
-    as_json: options.AsJson = False,
-) -> None:
+@takes_options
+def init(file: TargetFile = Path("gateway.toml"), *, options: InitOptions) -> None:
     r"""Write a commented configuration for the drives on one line, to start from.
 
     Asks first whether the controller's own compensation is off, then for what the options leave open; serial
@@ -130,41 +115,40 @@ def init(
     """
     from gateway.commissioning.first_configuration import Serial
 
-    asking = Asking(is_on=sys.stdin.isatty() if ask is None else ask)
-    controller = Serial(controller_baudrate, controller_parity, controller_stop_bits)
-    draft = _new_draft(file, Serial(baudrate, parity, stop_bits), controller, force=force)
-    given = {"name": name, "drives_at": drives_at, "controller_at": controller_at}
-    first = {
-        "axis": axis,
-        "drive": drive,
-        "unit_id": unit_id,
-        "units": units,
-        "counts_per_unit": counts_per_unit,
-        "referenced": referenced,
-        "travel": travel,
-        "home_approach": home_approach,
-        "table": table,
-    }
+    asking = Asking(is_on=sys.stdin.isatty() if options.ask is None else options.ask)
+    controller = Serial(options.controller_baudrate, options.controller_parity, options.controller_stop_bits)
+    draft = _new_draft(
+        file, Serial(options.baudrate, options.parity, options.stop_bits), controller, force=options.force
+    )
+    given = {"name": options.name, "drives_at": options.drives_at, "controller_at": options.controller_at}
+    first = {name: getattr(options, name) for name in OF_AXIS}
     try:
-        axes = [first, *map(options.further_axis, another_axis or ())]
+        axes = [first, *map(further_axis, options.another_axis or ())]
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--another-axis") from None
-    if scan and not asking.is_on:
+    if options.scan and not asking.is_on:
         raise typer.BadParameter(
             "it asks before it reads: run it on a terminal, or with --ask", param_hint="--scan"
         )
     try:
-        _answer(draft, asking, given, axes, is_compensation_off=controller_compensation_off, is_scan=scan)
+        _answer(
+            draft,
+            asking,
+            given,
+            axes,
+            is_compensation_off=options.controller_compensation_off,
+            is_scan=options.scan,
+        )
     except typer.Abort:
         _refuse("\nended before all was answered: nothing was written")
-    state = _state_of(file, is_service=systemd is not None)
-    _write(file, draft.text(state), force=force)
+    state = _state_of(file, is_service=options.systemd is not None)
+    _write(file, draft.text(state), force=options.force)
     _make_tables(file)
-    if timing := _measured(file, asking, draft, measure=measure):
+    if timing := _measured(file, asking, draft, measure=options.measure):
         _write(file, draft.text(state, timing), force=True)
-    is_good = _say_what_is_left(file, _next(file, state), as_json=as_json)
-    if systemd is not None:
-        _fit_units(file, systemd, is_good=is_good, is_quiet=as_json)
+    is_good = _say_what_is_left(file, _next(file, state), as_json=options.as_json)
+    if options.systemd is not None:
+        _fit_units(file, options.systemd, is_good=is_good, is_quiet=options.as_json)
 
 
 def _new_draft(file: Path, drives: "Serial", controller: "Serial", *, force: bool) -> "Draft":
