@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import ceil, floor, log10
 from pathlib import Path
 from typing import Annotated
@@ -133,6 +133,37 @@ MaxSlope = Annotated[
     ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite OUT.")]
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenTable:
+    """A table as the text of a file, and read back from it."""
+
+    result: Written
+    again: LoadedTable
+    difference: float
+    """The largest difference of a correction."""
+
+    def as_data(self) -> dict[str, object]:
+        """Return what became of it as plain data."""
+        return {
+            "losses": list(self.result.losses),
+            "largest_difference": self.difference,
+            "read_with": conversion.told_to_reader(self.result, dialect_named(self.again.format)),
+            "lints": [lint.to_json() for lint in self.again.lints],
+        }
+
+    def lines(self, out: Path) -> Iterator[str]:
+        """Yield in words what was written."""
+        table = self.again.table
+        yield (
+            f"{out}: {self.again.format}, {len(table.positions)} points from {table.first:g} to "
+            f"{table.last:g} {table.units.value}, corrections up to {table.max_correction():.6g}"
+        )
+        yield from (f"not in the file: {loss}" for loss in self.result.losses)
+        yield from conversion.reader_lines(self.result, dialect_named(self.again.format))
+        yield from (finding_line(str(out), lint) for lint in self.again.lints)
+        yield f"largest difference of a correction after reading it back: {self.difference:.3g}"
 
 
 @contextmanager
@@ -273,8 +304,8 @@ def written(
     options: WriteOptions,
     own_options: Mapping[str, str],
     max_slope: float,
-) -> tuple[Written, LoadedTable, float]:
-    """Write a table as text and read it back; returns both and the largest difference of a correction.
+) -> WrittenTable:
+    """Write a table as text and read it back.
 
     ``own_options`` are what this command calls some options of ``table convert``; a table that is steeper
     than ``max_slope`` is refused.
@@ -311,7 +342,7 @@ def written(
         for x in table.positions
         for way in APPROACHES
     )
-    return result, again, difference
+    return WrittenTable(result, again, difference)
 
 
 def _steep(table: CorrectionTable, limit: float) -> Problem:
@@ -334,21 +365,3 @@ def write_file(out: Path, text: str, *, force: bool, encoding: str = "utf-8") ->
     if is_readings(out):
         raise TabFileError(Problem(str(out), "a file of readings", "another name for OUT, the last argument"))
     conversion.write(out, text, force=force, encoding=encoding)
-
-
-def told_to_reader(result: Written, again: LoadedTable) -> dict[str, object]:
-    """Return what a reader of the file must be told, by the names of the options."""
-    return conversion.told_to_reader(result, dialect_named(again.format))
-
-
-def print_written(out: Path, result: Written, again: LoadedTable, difference: float) -> None:
-    """Say for a person what was written."""
-    table = again.table
-    typer.echo(
-        f"{out}: {again.format}, {len(table.positions)} points from {table.first:g} to {table.last:g} "
-        f"{table.units.value}, corrections up to {table.max_correction():.6g}"
-    )
-    print_lines(f"not in the file: {loss}" for loss in result.losses)
-    print_lines(conversion.reader_lines(result, dialect_named(again.format)))
-    print_lines(finding_line(str(out), lint) for lint in again.lints)
-    typer.echo(f"largest difference of a correction after reading it back: {difference:.3g}")

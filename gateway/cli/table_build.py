@@ -1,6 +1,6 @@
 """``pitch-gateway table build``: readings of a laser, a scale or a dial gauge into a table."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -26,7 +26,7 @@ from gateway.metrology.shapes import Fit, LeftOut
 from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
 from gateway.metrology.wrong_runs import settled
-from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, Written, axis_of_name
+from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, axis_of_name
 
 OWN_OPTIONS: Final = {
     "--to-axis": "--axis",
@@ -122,76 +122,79 @@ def build(
         built = build_from(survey, recipe)
         table = built.table.in_units(unit)
         try:
-            result, again, difference = shared.written(table, target, options, OWN_OPTIONS, steepest)
+            written = shared.written(table, target, options, OWN_OPTIONS, steepest)
         except TabFileError:
             _print_doubts(survey)
             raise
         # in which order both lists stand is known here, for they come from the readings
-        again = replace(again, lints=tuple(lint for lint in again.lints if lint.code != "L3"))
+        lints = tuple(lint for lint in written.again.lints if lint.code != "L3")
+        again = replace(written.again, lints=lints)
+        written = replace(written, again=again)
         notes = [
             *built.notes,
             *notes_of(survey, counts_per_unit, lead=longest(periods)),
             *_one_curve(table, again, target.name),
             *shared.steep_notes(again.table),
         ]
+        result = written.result
         shared.write_file(out, result.text, force=force, encoding=result.encoding)
-    results = (evaluate(survey), evaluate(predicted_residue(survey, again.table)))
-    left_out = None if built.screw is None else built.screw.left_out(again.table)
-    if json:
-        extra: dict[str, object] = {
+    found = _BuiltTable(
+        out,
+        notes,
+        written,
+        before=evaluate(survey),
+        predicted=evaluate(predicted_residue(survey, again.table)),
+        left_out=None if built.screw is None else built.screw.left_out(again.table),
+        more={
             "fit": None if built.evidence is None else evidence_json(built.evidence),
             "understood": understood(survey),
             **json_of(survey, longest(periods)),
-        }
-        _print_json(out, notes, (result, again, difference), results, left_out=left_out, extra=extra)
+        },
+    )
+    if json:
+        print_json(found.as_data())
     else:
-        _print(out, notes, (result, again, difference), results, left_out=left_out)
+        found.show()
+
+
+@dataclass(frozen=True, slots=True)
+class _BuiltTable:
+    """A new table, and what it is predicted to leave."""
+
+    out: Path
+    notes: list[str]
+    written: shared.WrittenTable
+    before: Evaluation
+    predicted: Evaluation
+    left_out: LeftOut | None
+    more: dict[str, object]
+    """About the readings, for a program."""
+
+    def as_data(self) -> dict[str, object]:
+        """Return it as plain data."""
+        again = self.written.again
+        return {
+            "out": str(self.out),
+            "to": again.format,
+            "units": again.table.units.value,
+            "points": len(again.table.positions),
+            "notes": self.notes,
+            **self.written.as_data(),
+            "before": results_json(self.before),
+            "predicted": {**results_json(self.predicted), **predicted_json(self.predicted, self.left_out)},
+            **self.more,
+        }
+
+    def show(self) -> None:
+        """Print it for a person."""
+        print_lines((f"note: {note}" for note in self.notes), err=True)
+        print_lines(self.written.lines(self.out))
+        results_text(self.before, self.predicted, ("before", PREDICTED), left_out=self.left_out)
 
 
 def _print_doubts(survey: Survey) -> None:
     """Print what looks wrong about readings that make no table: perhaps it says why."""
     print_lines((f"note: {doubt}" for doubt in doubts_of(survey.readings, survey.units)), err=True)
-
-
-def _print(
-    out: Path,
-    notes: list[str],
-    written: tuple[Written, LoadedTable, float],
-    results: tuple[Evaluation, Evaluation],
-    *,
-    left_out: LeftOut | None,
-) -> None:
-    print_lines((f"note: {note}" for note in notes), err=True)
-    shared.print_written(out, *written)
-    results_text(*results, ("before", PREDICTED), left_out=left_out)
-
-
-def _print_json(
-    out: Path,
-    notes: list[str],
-    written: tuple[Written, LoadedTable, float],
-    results: tuple[Evaluation, Evaluation],
-    *,
-    left_out: LeftOut | None,
-    extra: dict[str, object],
-) -> None:
-    result, again, difference = written
-    print_json(
-        {
-            "out": str(out),
-            "to": again.format,
-            "units": again.table.units.value,
-            "points": len(again.table.positions),
-            "notes": notes,
-            "losses": list(result.losses),
-            "largest_difference": difference,
-            "read_with": shared.told_to_reader(result, again),
-            "lints": [lint.to_json() for lint in again.lints],
-            "before": results_json(results[0]),
-            "predicted": {**results_json(results[1]), **predicted_json(results[1], left_out)},
-            **extra,
-        }
-    )
 
 
 def _one_curve(table: CorrectionTable, again: LoadedTable, name: str) -> list[str]:

@@ -19,7 +19,7 @@ from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.metrology.results import left_out_json, left_out_text
 from gateway.metrology.shapes import Fit
 from gateway.metrology.whole import notes_of
-from gateway.tabfile import Dialect, LoadedTable, WriteOptions, Written, axis_of_name, dialect_named
+from gateway.tabfile import Dialect, LoadedTable, WriteOptions, axis_of_name, dialect_named
 from gateway.tabfile.conversion import is_modulo, turns_lost
 
 OWN_OPTIONS: Final = {
@@ -105,14 +105,17 @@ def refine(
         refined = replace(refined, notes=(*refined.notes, *notes_of(survey, with_scale=False)))
         table = refined.table.in_units(loaded.table.units)
         options = replace(options, is_modulo=is_modulo(loaded, table))
-        result, again, difference = shared.written(table, target, options, OWN_OPTIONS, steepest)
+        written = shared.written(table, target, options, OWN_OPTIONS, steepest)
+        again = written.again
         refined = replace(refined, notes=(*refined.notes, *shared.steep_notes(again.table)))
-        result = replace(result, losses=(*result.losses, *turns_lost(loaded, again.source.modulo)))
+        losses = (*written.result.losses, *turns_lost(loaded, again.source.modulo))
+        written = replace(written, result=replace(written.result, losses=losses))
+        result = written.result
         shared.write_file(out, result.text, force=force, encoding=result.encoding)
     if json:
-        _print_json(file, out, refined, (result, again, difference))
+        print_json(_as_data(file, out, refined, written))
     else:
-        _print(out, refined, (result, again, difference))
+        _print(out, refined, written)
 
 
 def _as_old(given: WriteOptions, loaded: LoadedTable, target: Dialect, told: Told) -> WriteOptions:
@@ -127,14 +130,14 @@ def _as_old(given: WriteOptions, loaded: LoadedTable, target: Dialect, told: Tol
     return replace(given, file_counts_per_unit=scale, v1_layout=layout, file_axis=file_axis, sense=sense)
 
 
-def _print(out: Path, refined: Refined, written: tuple[Written, LoadedTable, float]) -> None:
+def _print(out: Path, refined: Refined, written: shared.WrittenTable) -> None:
     change, unit = refined.change, refined.table.units.value
     print_lines((f"note: {note}" for note in refined.notes), err=True)
     typer.echo(
         f"changed by {change.rms:.3g} {unit} (root mean square), by {change.largest:.3g} at "
         f"most, {change.direction.name.lower()} at {change.position:.9g}"
     )
-    shared.print_written(out, *written)
+    print_lines(written.lines(out))
     if refined.left_out is not None and refined.left_out_before is not None:
         small = small_unit(refined.units)
         typer.echo(
@@ -143,22 +146,16 @@ def _print(out: Path, refined: Refined, written: tuple[Written, LoadedTable, flo
         )
 
 
-def _print_json(file: Path, out: Path, refined: Refined, written: tuple[Written, LoadedTable, float]) -> None:
-    result, again, difference = written
-    print_json(
-        {
-            "file": str(file),
-            "out": str(out),
-            "to": again.format,
-            "units": refined.table.units.value,
-            "largest_change": refined.change.largest,
-            "rms_change": refined.change.rms,
-            **left_out_json(refined.units, refined.left_out_before, "_before"),
-            **left_out_json(refined.units, refined.left_out),
-            "notes": list(refined.notes),
-            "losses": list(result.losses),
-            "largest_difference": difference,
-            "read_with": shared.told_to_reader(result, again),
-            "lints": [lint.to_json() for lint in again.lints],
-        }
-    )
+def _as_data(file: Path, out: Path, refined: Refined, written: shared.WrittenTable) -> dict[str, object]:
+    return {
+        "file": str(file),
+        "out": str(out),
+        "to": written.again.format,
+        "units": refined.table.units.value,
+        "largest_change": refined.change.largest,
+        "rms_change": refined.change.rms,
+        **left_out_json(refined.units, refined.left_out_before, "_before"),
+        **left_out_json(refined.units, refined.left_out),
+        "notes": list(refined.notes),
+        **written.as_data(),
+    }
