@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 
 import typer
 
-from gateway.cli.output import Format, show
+from gateway.cli.output import STOPPED_BY_SIGNAL, Format, show
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,9 +26,6 @@ LIVE_SPEED_UP: Final = 8.0
 """On the screen one wants to see the axes move."""
 PAUSE_S: Final = 4.0
 """Time to look at the result of a round on the live screen."""
-
-STOPPED_BY_SIGNAL: Final = 128
-"""Added to the number of a signal, this is the exit code of a command that it stopped, as in a shell."""
 
 Result = TypeVar("Result")
 

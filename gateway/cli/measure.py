@@ -3,20 +3,18 @@
 import sys
 from pathlib import Path
 from signal import SIGINT
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit
 from gateway.cli.options import takes_options
+from gateway.cli.output import STOPPED_BY_SIGNAL, print_lines
 from gateway.commissioning.measure.options import MeasureOptions
 
 if TYPE_CHECKING:
     from gateway.commissioning.measure.measuring import Measured, Measuring
-
-STOPPED_BY_SIGNAL: Final = 128
-"""Added to the number of a signal, this is the exit code of a command that it stopped, as in a shell."""
 
 
 @takes_options
@@ -56,8 +54,7 @@ def measure(
     try:
         measuring = Measuring(loaded, options)
         if measuring.look():
-            for text in measuring.preview():
-                typer.echo(text, err=True)
+            print_lines(measuring.preview(), err=True)
             if not yes:
                 _ask(config)
             _run(measuring, as_json=as_json)
@@ -132,7 +129,5 @@ def _show(measured: "Measured", *, as_json: bool) -> None:
         results_text(
             found.evaluation, None, ("with the table" if found.is_refined else "without a table", "")
         )
-        for line in found.lines():
-            typer.echo(line)
-    for note in measured.notes:
-        typer.echo(note, err=as_json)
+        print_lines(found.lines())
+    print_lines(measured.notes, err=as_json)

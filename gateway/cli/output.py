@@ -3,9 +3,12 @@
 import json
 from collections.abc import Iterable
 from enum import Enum
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import typer
+
+STOPPED_BY_SIGNAL: Final = 128
+"""Added to the number of a signal, this is the exit code of a command that it stopped, as in a shell."""
 
 
 class Format(Enum):

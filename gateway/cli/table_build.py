@@ -15,6 +15,7 @@ from gateway.metrology.circumstances import check_uncorrected
 from gateway.metrology.doubts import doubts_of
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
+from gateway.metrology.fitting import Evidence
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.lead import longest
 from gateway.metrology.readings import Survey
@@ -145,11 +146,9 @@ def build(
         before=evaluate(survey),
         predicted=evaluate(predicted_residue(survey, again.table)),
         left_out=None if built.screw is None else built.screw.left_out(again.table),
-        more={
-            "fit": None if built.evidence is None else evidence_json(built.evidence),
-            "understood": understood(survey),
-            **json_of(survey, longest(periods)),
-        },
+        survey=survey,
+        evidence=built.evidence,
+        lead=longest(periods),
     )
     if json:
         print_json(found.as_data())
@@ -167,8 +166,10 @@ class _BuiltTable:
     before: Evaluation
     predicted: Evaluation
     left_out: LeftOut | None
-    more: dict[str, object]
-    """About the readings, for a program."""
+    survey: Survey
+    evidence: Evidence | None
+    lead: float | None
+    """The longest length after which the error may repeat."""
 
     def as_data(self) -> dict[str, object]:
         """Return it as plain data."""
@@ -182,7 +183,9 @@ class _BuiltTable:
             **self.written.as_data(),
             "before": results_json(self.before),
             "predicted": {**results_json(self.predicted), **predicted_json(self.predicted, self.left_out)},
-            **self.more,
+            "fit": None if self.evidence is None else evidence_json(self.evidence),
+            "understood": understood(self.survey),
+            **json_of(self.survey, self.lead),
         }
 
     def show(self) -> None:

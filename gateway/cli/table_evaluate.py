@@ -1,6 +1,6 @@
 """``pitch-gateway table evaluate``: accuracy and repeatability after ISO 230-2, before and after."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Final
@@ -142,16 +142,66 @@ def evaluate(
         if report is not None:
             story = replace(_story(before, second, loaded, (*notes, *lines)), left_out=left_out)
             _write_report(report, story, force=force)
+    found = _Judged(
+        before,
+        results,
+        notes,
+        is_predicted=loaded is not None,
+        left_out=left_out,
+        lines=tuple(lines),
+        more=extra,
+        lead=turn,
+        report=report,
+    )
     if json:
-        extra |= json_of(before, turn)
-        _print_json(before, results, notes, is_predicted=loaded is not None, left_out=left_out, extra=extra)
-        return
-    print_lines((f"note: {note}" for note in notes), err=True)
-    words = ("measured" if results[1] is None else "before", "after" if loaded is None else PREDICTED)
-    results_text(*results, words, left_out=left_out)
-    print_lines(lines)
-    if report is not None:
-        typer.echo(f"report: {report}")
+        print_json(found.as_data())
+    else:
+        found.show()
+
+
+@dataclass(frozen=True, slots=True)
+class _Judged:
+    """What readings say of an axis, and what a second measurement or a prediction says beside it."""
+
+    survey: Survey
+    results: tuple[Evaluation, Evaluation | None]
+    notes: tuple[str, ...]
+    is_predicted: bool
+    left_out: LeftOut | None
+    lines: tuple[str, ...]
+    """By other standards, and whether a limit is kept."""
+    more: dict[str, object]
+    """The same for a program."""
+    lead: float | None
+    """The longest length after which the error may repeat."""
+    report: Path | None
+
+    def as_data(self) -> dict[str, object]:
+        """Return it as plain data."""
+        before, after = self.results
+        shown = None if after is None else judged.results_json(after)
+        if shown is not None and self.is_predicted and after is not None:
+            shown |= judged.predicted_json(after, self.left_out)
+        return {
+            "readings": self.survey.source,
+            "understood": understood(self.survey),
+            **self.more,
+            **json_of(self.survey, self.lead),
+            "before": judged.results_json(before),
+            "after": shown,
+            "is_predicted": self.is_predicted,
+            "notes": list(self.notes),
+        }
+
+    def show(self) -> None:
+        """Print it for a person."""
+        print_lines((f"note: {note}" for note in self.notes), err=True)
+        first = "measured" if self.results[1] is None else "before"
+        words = (first, PREDICTED if self.is_predicted else "after")
+        results_text(*self.results, words, left_out=self.left_out)
+        print_lines(self.lines)
+        if self.report is not None:
+            typer.echo(f"report: {self.report}")
 
 
 def _between(
@@ -166,32 +216,6 @@ def _between(
     except ReadingsError as error:
         return None, (f"{error}: nothing is said about what the table leaves between its points",)
     return screw.left_out(loaded.table), warnings_of(screw)
-
-
-def _print_json(
-    survey: Survey,
-    results: tuple[Evaluation, Evaluation | None],
-    notes: tuple[str, ...],
-    *,
-    is_predicted: bool,
-    left_out: LeftOut | None,
-    extra: dict[str, object],
-) -> None:
-    before, after = results
-    shown = None if after is None else judged.results_json(after)
-    if shown is not None and is_predicted and after is not None:
-        shown |= judged.predicted_json(after, left_out)
-    print_json(
-        {
-            "readings": survey.source,
-            "understood": understood(survey),
-            **extra,
-            "before": judged.results_json(before),
-            "after": shown,
-            "is_predicted": is_predicted,
-            "notes": list(notes),
-        }
-    )
 
 
 def _all_notes(
