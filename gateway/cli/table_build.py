@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -15,7 +15,6 @@ from gateway.metrology.circumstances import check_uncorrected
 from gateway.metrology.doubts import doubts_of
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
-from gateway.metrology.fitting import Evidence
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.lead import longest
 from gateway.metrology.readings import Survey
@@ -28,6 +27,9 @@ from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
 from gateway.metrology.wrong_runs import settled
 from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, axis_of_name
+
+if TYPE_CHECKING:
+    from gateway.metrology.fitting import Evidence
 
 OWN_OPTIONS: Final = {
     "--to-axis": "--axis",
@@ -167,7 +169,7 @@ class _BuiltTable:
     predicted: Evaluation
     left_out: LeftOut | None
     survey: Survey
-    evidence: Evidence | None
+    evidence: "Evidence | None"
     lead: float | None
     """The longest length after which the error may repeat."""
 

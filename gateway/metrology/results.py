@@ -3,17 +3,19 @@
 Results of ISO 230-2 and VDI/DGQ 3441, whether a limit is kept, and what a table leaves between its points.
 """
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gateway.compensation.units import Units
 from gateway.metrology.deviation import Small, small_unit
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation
-from gateway.metrology.fitting import Evidence
 from gateway.metrology.shapes import LeftOut
 from gateway.metrology.standard_asks import missing_of
 from gateway.metrology.uncertainty import Budget, Known, verdict
 from gateway.metrology.vdi_3441 import vdi_3441
+
+if TYPE_CHECKING:  # it brings numpy, which most of the program does without
+    from gateway.metrology.fitting import Evidence
 
 NOT_JUDGED: Final = "not known from these readings: too few targets, or more than tell anything"
 NAMES: Final = (
@@ -89,7 +91,7 @@ def predicted_json(predicted: Evaluation, left_out: LeftOut | None) -> dict[str,
     return {f"e_{small.key}": at_targets, **left_out_json(predicted.units, left_out)}
 
 
-def evidence_json(evidence: Evidence) -> dict[str, object]:
+def evidence_json(evidence: "Evidence") -> dict[str, object]:
     """Return why a table follows what it follows, as plain data."""
     chosen = evidence.chosen
     small = small_unit(chosen.table.units)
