@@ -7,6 +7,7 @@ from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, Re
 from tests.exchange.line_bench import axis_plan
 from tests.exchange.staged_bench import BITS, COMMANDED, STAGED
 from tests.verify import designs_frames, designs_mutants
+from tests.verify.designs_pairs import TWO_AT_ONCE, pair_world
 from tests.verify.designs_rules import SETTLE, ask
 from tests.verify.designs_rules import designs as designs_of_rules
 from tests.verify.screw import WORN
@@ -1211,4 +1212,17 @@ PAIRS: Final = (
     _pair("p-changes", "table, gain and switch", happenings=(*TIME, "table", "gain", "switch")),
 )
 """Two families of events at once, where no other world that closes has them."""
-BY_NAME: Final = {design.name: design for design in (*CLOSING, *PAIRS, *DESIGNS)}
+MADE: Final = tuple(pair_world(one, other, _plan, _staged, HOMED_TOO) for one, other in TWO_AT_ONCE)
+BY_NAME: Final = {design.name: design for design in (*CLOSING, *PAIRS, *MADE, *DESIGNS)}
+_CLOSE: Final = """
+    b-requests b-rtu b-rtu-cut b-rtu-cut-back b-rtu-cut-both b-rtu-cut-early-ends b-rtu-cut-stuck
+    b-rtu-late-size b-rtu-odd b-rtu-pairs b-rtu-replies p-answers p-back-jog p-back-status s-back
+    s-before s-blind s-both s-both-near s-both-refused s-both-staged s-carry s-carry-halves s-carry-zero
+    s-carry-zero-halves s-coarse s-cross s-down s-early s-falls s-falls-read s-fine s-gain s-halves
+    s-halves-moving s-jogged s-jogged-past s-jogged-refused s-killed-jogged s-killed-obeyed
+    s-killed-within s-late-forward s-later s-limits s-limits-refused s-mask s-mask-homing
+    s-monitor-staged s-near s-obeyed s-scaled s-scaled-halves s-scaled-near s-slow s-slow-near s-staged
+    s-starts s-stored s-stored-refused s-switch s-table s-torn s-two-units s-warm
+"""
+CLOSES: Final = frozenset((*_CLOSE.split(), *(design.name for design in MADE)))
+"""Worlds that ``make verify`` walks until nothing is new: each takes a minute at most."""
