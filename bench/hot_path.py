@@ -173,7 +173,7 @@ def relayed_write(*, is_taped: bool) -> Callable[[int], object]:
         tap = TapeTap("line", Tape("line", TAPE_BYTES, boot_ns(), time.time_ns()), _beginning)
     line = LineExchange([plan_of_x()], LineTiming(), link, lambda _: None, tap=tap)
     LineAlarm(line, lambda: 0)
-    pulse = Pulse(line.note_standstill, lambda: None)
+    pulse = Pulse(line.note_standstill)
     link.attach(line)
     plan = ControllerPlan("cnc", serial=True)
     port = RtuControllerPort(plan, line, RtuRequestDecoder(), 0, beats=pulse)

@@ -172,9 +172,9 @@ class Relay:
         own_unit = None
         if self._plan.status_unit:
             own_unit = StatusUnit(self._plan.status_unit, self._exchanges, self._started_ns)
-        self._pulse = Pulse(self._stood_still, self._show_tapes)
+        self._pulse = Pulse(self._stood_still)
         self._lines = [
-            Line(plan, self._journal, self._activity, self._recorder, own_unit, beats=self._pulse)
+            Line(plan, self._journal, self._activity, self._recorder, own_unit, pulse=self._pulse)
             for plan in self._plan.lines
         ]
         join_terms(axis for line in self._lines for axis in line.axes)
@@ -401,11 +401,6 @@ class Relay:
 
     def _is_forwarding(self) -> bool:
         return any(line.is_forwarding for line in self._lines)
-
-    def _show_tapes(self) -> None:
-        for line in self._lines:
-            if line.tape is not None:
-                line.tape.show()
 
     def _stood_still(self, gap_ns: int) -> None:
         for line in self._lines:

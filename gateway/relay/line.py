@@ -51,7 +51,7 @@ from gateway.relay.front import Front, make_front, wire_of
 from gateway.relay.journal import Journal
 from gateway.relay.keeping import Keeping, keep_port
 from gateway.relay.last_minute import LastMinute
-from gateway.relay.pulse import Beats
+from gateway.relay.pulse import Pulse
 from gateway.relay.watchdog import STUCK_NS
 from gateway.state.plan import LinePlan
 from gateway.state.tables import compiled
@@ -80,11 +80,14 @@ class Line:
         recorder: Recorder | None = None,
         own_unit: OwnUnit | None = None,
         *,
-        beats: Beats,
+        pulse: Pulse,
     ) -> None:
         self.plan = plan
+        self._pulse = pulse
         self.tape = _make_tape(plan, journal) if recorder is None and plan.tape_bytes else None
         """What is kept of its last minutes."""
+        if self.tape is not None:
+            pulse.on_beat.append(self.tape.show)
         self._journal = journal
         self._link = _make_link(plan, self._wrong_unit, self._other_id, self._returned)
         self._drives = self._make_drives()
@@ -115,7 +118,7 @@ class Line:
         self._is_recorded = recorder is not None
         odd_units = plan.other_units.odd
         self._fronts = [
-            make_front(plan.name, link, self._exchange, journal, beats=beats, odd_units=odd_units)
+            make_front(plan.name, link, self._exchange, journal, beats=pulse, odd_units=odd_units)
             for link in plan.controllers
         ]
 
@@ -240,6 +243,7 @@ class Line:
         self._alarm.close()
         self._link.close()
         if self.tape is not None:
+            self._pulse.on_beat.remove(self.tape.show)
             self.tape.close()
             self.tape = None
 

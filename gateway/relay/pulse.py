@@ -59,18 +59,18 @@ class Beats:
 
 
 class Pulse(Beats):
-    """Beats on the loop, and calls ``on_beat`` with each beat.
+    """Beats on the loop, and calls everything in ``on_beat`` with each beat.
 
     ``on_standstill`` is told, in ns, how long a beat was late that was worth it. A relay has one pulse, and
     traffic stands for its beats: a process that wakes up for one finds its caches empty, which costs more
     than all that it does then.
     """
 
-    __slots__ = ("_on_beat", "_on_standstill", "_timer")
+    __slots__ = ("_on_standstill", "_timer", "on_beat")
 
-    def __init__(self, on_standstill: Callable[[int], None], on_beat: Callable[[], None]) -> None:
+    def __init__(self, on_standstill: Callable[[int], None]) -> None:
         super().__init__()
-        self._on_beat = on_beat
+        self.on_beat: list[Callable[[], None]] = []
         self._on_standstill = on_standstill
         self._timer = Timer(self._beat)
         self._timer.arm(boot_ns())
@@ -89,4 +89,5 @@ class Pulse(Beats):
         self._timer.put_off(now_ns + EVERY_NS)
         if late_ns:
             self._on_standstill(late_ns)
-        self._on_beat()
+        for each in self.on_beat:
+            each()

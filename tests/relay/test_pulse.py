@@ -24,7 +24,8 @@ def test_what_waited_longer_than_an_impatient_controller_waits_is_old_however_sh
 async def test_what_is_read_before_and_after_the_late_beat_had_waited() -> None:
     told: list[int] = []
     beats: list[int] = []
-    pulse = Pulse(told.append, lambda: beats.append(len(told)))
+    pulse = Pulse(told.append)
+    pulse.on_beat.append(lambda: beats.append(len(told)))
     while not pulse.stood_still(boot_ns() + 1000 * MS, 500 * MS):  # noqa: ASYNC110 - before its first beat
         await asyncio.sleep(0)
     assert not pulse.stood_still(boot_ns(), 100 * MS)
@@ -45,7 +46,8 @@ async def test_traffic_stands_for_beats_and_tells_of_a_standstill_as_they_do() -
     """Beats are due every 20 ms. Traffic counts as one from 10 ms after the last on."""
     told: list[int] = []
     beats: list[int] = []
-    pulse = Pulse(told.append, lambda: beats.append(len(told)))
+    pulse = Pulse(told.append)
+    pulse.on_beat.append(lambda: beats.append(len(told)))
     while not beats:  # noqa: ASYNC110 - before its first beat
         await asyncio.sleep(0)
     start_ns = pulse._due_ns - 20 * MS
