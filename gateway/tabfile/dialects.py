@@ -22,7 +22,6 @@ from gateway.tabfile import (
     isg,
     linuxcnc,
     mint,
-    mint_writing,
     mitsubishi,
     pmac,
     renishaw_ren,
@@ -188,13 +187,7 @@ DIALECTS: Final = (
         suffix=".ren",
         is_writable=False,
     ),
-    Dialect(
-        mint.NAME,
-        mint.TITLE,
-        mint.recognise,
-        mint.read,
-        mint_writing.write,
-        mint.USES,
+    _of(mint)(
         units=UnitsOf.TOLD,
         suffix=mint.SUFFIX,
         writes=frozenset({"file_axis"}),
