@@ -23,7 +23,6 @@ from typing import Final
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import MM_PER_INCH, Units
 from gateway.tabfile.context import FileContext
-from gateway.tabfile.csv_numbers import numbers
 from gateway.tabfile.csv_text import (
     MAX_PROBLEMS,
     CsvText,
@@ -31,6 +30,7 @@ from gateway.tabfile.csv_text import (
     check_sums,
     csv_file,
     first_row,
+    numbers,
     parse_csv,
 )
 from gateway.tabfile.decoded import Decoded, SourceRow

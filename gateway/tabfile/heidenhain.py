@@ -38,7 +38,6 @@ from gateway.compensation.units import Units
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.heidenhain_columns import (
     AXIS,
     MAX_PROBLEMS,
@@ -53,7 +52,7 @@ from gateway.tabfile.options import ErrorSense
 from gateway.tabfile.ranges import context_in_file_units
 from gateway.tabfile.senses import RULES, required_sense
 from gateway.tabfile.stated import check_stated
-from gateway.tabfile.text import SourceText, shown
+from gateway.tabfile.text import DECIMAL_ALLOWED, SourceText, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "heidenhain-com"

@@ -22,8 +22,7 @@ from typing import Final
 from gateway.compensation.units import Units
 from gateway.tabfile.csv_text import MAX_PROBLEMS, CsvRow, CsvText, check_sums, parse_csv
 from gateway.tabfile.errors import TabFileError
-from gateway.tabfile.fields import INTEGER_ALLOWED, to_decimal, to_integer
-from gateway.tabfile.text import SourceText, shown
+from gateway.tabfile.text import INTEGER_ALLOWED, SourceText, shown, to_decimal, to_integer
 
 LIMIT: Final = "limit"
 HEADER: Final = ("point", "value")

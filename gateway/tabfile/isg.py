@@ -37,14 +37,13 @@ from gateway.compensation.units import Units
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import to_integer
 from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.isg_list import CYCLES, MAX_PROBLEMS, Entry, Keys, parse_list, sort_keys
 from gateway.tabfile.options import ErrorSense, to_tell
 from gateway.tabfile.ranges import context_in_file_units, unused_options
 from gateway.tabfile.senses import RULES
 from gateway.tabfile.stated import check_stated, is_closed
-from gateway.tabfile.text import SourceText, shown
+from gateway.tabfile.text import SourceText, shown, to_integer
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "isg"

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, INTEGER_ALLOWED, to_decimal, to_integer
-from gateway.tabfile.text import SourceText, shown
+from gateway.tabfile.text import DECIMAL_ALLOWED, INTEGER_ALLOWED, SourceText, shown, to_decimal, to_integer
 
 MAX_PROBLEMS: Final = 20
 _KEY: Final = re.compile(r"[a-z_]\w*(?:\[[0-9]{1,6}\])*(?:\.[a-z_]\w*(?:\[[0-9]{1,6}\])*)*", re.ASCII)

@@ -24,8 +24,7 @@ from difflib import get_close_matches
 from typing import Final, NamedTuple
 
 from gateway.tabfile.errors import TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer
-from gateway.tabfile.text import SourceText, shown
+from gateway.tabfile.text import DECIMAL_ALLOWED, SourceText, shown, to_decimal, to_integer
 
 # --- Statements, token by token
 

@@ -24,7 +24,6 @@ from gateway.compensation.table import CorrectionTable
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer
 from gateway.tabfile.ranges import (
     check_home,
     check_own_range,
@@ -33,7 +32,7 @@ from gateway.tabfile.ranges import (
     told_units,
 )
 from gateway.tabfile.readings import AS_THEY_STAND, Reading
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal, to_integer
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "renishaw-ren"

@@ -34,11 +34,10 @@ from gateway.compensation.units import Units
 from gateway.tabfile.context import FileContext
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.options import MAX_POSITION, to_tell
 from gateway.tabfile.ranges import context_in_file_units, told_units
 from gateway.tabfile.stated import check_stated, is_closed
-from gateway.tabfile.text import MAX_LINES, Line, SourceText, listed, shown
+from gateway.tabfile.text import DECIMAL_ALLOWED, MAX_LINES, Line, SourceText, listed, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
 
 # --- Lines that assign, a grid from MIN to MAX, an end: also of :mod:`gateway.tabfile.siemens_cec`
