@@ -34,13 +34,10 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.checks import Reading, check_home, check_own_range, context_in_file_units, told_units
+from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.findings import Lint, Severity
-from gateway.tabfile.options import MAX_POSITION
-from gateway.tabfile.ranges import check_home, check_own_range, context_in_file_units, told_units
-from gateway.tabfile.readings import Reading
+from gateway.tabfile.options import MAX_POSITION, FileContext
 from gateway.tabfile.text import (
     DECIMAL_ALLOWED,
     Line,

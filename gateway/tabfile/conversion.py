@@ -24,8 +24,8 @@ from gateway.tabfile import (
     Written,
     parse_table,
 )
+from gateway.tabfile.checks import largest_difference
 from gateway.tabfile.options import DECLARED
-from gateway.tabfile.readings import largest_difference
 from gateway.tabfile.text import decode
 
 WRITE_OPTIONS: Final = {

@@ -16,8 +16,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.tabfile.context import FileContext
 from gateway.tabfile.errors import TabFileError
+from gateway.tabfile.options import FileContext
 from gateway.tabfile.text import (
     DECIMAL_ALLOWED,
     Facts,

@@ -29,11 +29,9 @@ from gateway.tabfile import (
     siemens_cec,
     weihong,
 )
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.curves import steepest
-from gateway.tabfile.decoded import Decoded
+from gateway.tabfile.decoded import Decoded, steepest
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.options import to_tell
+from gateway.tabfile.options import FileContext, to_tell
 from gateway.tabfile.strangers import stranger_of
 from gateway.tabfile.text import SourceText, decode, shown
 from gateway.tabfile.writing import WriteOptions, Written, unwritable

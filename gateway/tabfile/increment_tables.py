@@ -6,12 +6,18 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
+from gateway.tabfile.checks import (
+    AS_THEY_STAND,
+    Reading,
+    check_home,
+    check_own_range,
+    context_in_file_units,
+    told_units,
+)
 from gateway.tabfile.csv_text import axis_letter, csv_file
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.increments import HEADER, TURN_DEGREES, Increments, Sum, System, is_turn
-from gateway.tabfile.ranges import check_home, check_own_range, context_in_file_units, told_units
-from gateway.tabfile.readings import AS_THEY_STAND, Reading
+from gateway.tabfile.options import FileContext
 from gateway.tabfile.text import SourceText
 from gateway.tabfile.writing import (
     EVEN_TOLERANCE,

@@ -34,15 +34,11 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, is_closed, unused_options
+from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.isg_list import CYCLES, MAX_PROBLEMS, Entry, Keys, parse_list, sort_keys
-from gateway.tabfile.options import ErrorSense, to_tell
-from gateway.tabfile.ranges import context_in_file_units, unused_options
-from gateway.tabfile.senses import RULES
-from gateway.tabfile.stated import check_stated, is_closed
+from gateway.tabfile.options import ErrorSense, FileContext, to_tell
 from gateway.tabfile.text import SourceText, shown, to_integer
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 

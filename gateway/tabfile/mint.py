@@ -27,10 +27,9 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.checks import check_stated, context_in_file_units, told_units
+from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.mint_program import (
     BACKLASH,
     BACKLASH_INTERVAL,
@@ -43,9 +42,7 @@ from gateway.tabfile.mint_program import (
     Program,
     parse_program,
 )
-from gateway.tabfile.options import to_tell, typed
-from gateway.tabfile.ranges import context_in_file_units, told_units
-from gateway.tabfile.stated import check_stated
+from gateway.tabfile.options import FileContext, to_tell, typed
 from gateway.tabfile.text import SourceText, listed
 from gateway.tabfile.writing import EVEN_TOLERANCE, WriteOptions, Written, unwritable
 

@@ -31,12 +31,10 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
+from gateway.tabfile.checks import check_stated, context_in_file_units, is_closed, told_units
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.options import MAX_POSITION, to_tell
-from gateway.tabfile.ranges import context_in_file_units, told_units
-from gateway.tabfile.stated import check_stated, is_closed
+from gateway.tabfile.options import MAX_POSITION, FileContext, to_tell
 from gateway.tabfile.text import DECIMAL_ALLOWED, MAX_LINES, Line, SourceText, listed, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
 

@@ -31,13 +31,10 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.tabfile import siemens
-from gateway.tabfile.context import FileContext
+from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, required_sense, told_units
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.options import to_tell
-from gateway.tabfile.ranges import context_in_file_units, told_units
-from gateway.tabfile.senses import RULES, required_sense
+from gateway.tabfile.options import FileContext, to_tell
 from gateway.tabfile.siemens import Number
-from gateway.tabfile.stated import check_stated
 from gateway.tabfile.text import Line, SourceText, listed, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, unwritable
 
