@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.budget.cuts import delay_of
+from gateway.budget.line import delay_of
 from gateway.exchange.cut_through.delay import CRC_BYTES, Shape, acknowledgement_shape, stored_ns, write_shape
 from gateway.modbus.rtu_arrival import BLOCK_HEAD
 from gateway.times import NS_PER_MS, NS_PER_S

@@ -3,8 +3,7 @@
 from typing import Any
 
 from gateway.budget.line import ControllerBudget, CutBudget, ExchangeBudget, LineBudget
-from gateway.budget.remedies import Remedy
-from gateway.budget.verdict import Judgement
+from gateway.budget.verdict import Judgement, Remedy
 from gateway.budget.wire import Wire
 from gateway.times import NS_PER_MS, NS_PER_S
 

@@ -8,13 +8,22 @@ blocks are told so with :class:`Blocks`.
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Final, NamedTuple
 
-from gateway.budget.cuts import Shapes, position_shapes, registers_shapes, target_shapes
-from gateway.budget.frames import READ_BIT, WRITE_WORD, Frame, read_frame, write_frames
+from gateway.budget.wire import READ_BIT, WRITE_WORD, Frame, read_frame, write_frames
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Addressing, Form, TriggerPlan
-from gateway.exchange.plan import DONE_BIT, MOVING_BIT, AxisPlan, CompensationMode
+from gateway.exchange.cut_through.delay import (
+    Shape,
+    acknowledgement_shape,
+    read_shape,
+    reply_shape,
+    write_shape,
+)
+from gateway.exchange.plan import DONE_BIT, MOVING_BIT, AxisPlan, CompensationMode, writes_alone
 from gateway.modbus.registers import BitTable, PositionField
+
+REGISTER_READS: Final = frozenset({Form.FC03, Form.FC04})
 
 
 class What(Enum):
@@ -46,6 +55,13 @@ class Blocks:
 
 
 AS_MAPPED = Blocks()
+
+
+class Shapes(NamedTuple):
+    """A request and its reply, and which of their bytes wait for which."""
+
+    request: Shape
+    reply: Shape
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,3 +247,50 @@ def misfits(axis: AxisPlan, blocks: Blocks) -> Iterator[str]:
                 f"the drive of axis {axis.name} takes at most {axis.max_registers} registers in one frame "
                 f"(max_registers), not {registers}"
             )
+
+
+# --- what may be cut through -------------------------------------------------------------------------------
+#
+# Which requests have a fast path the exchange decides frame by frame (``exchange.fast_path``,
+# ``exchange.cut_through``). Here stands what follows of that from the plan of an axis, for the frames of a
+# round; tests/budget holds one against the other.
+
+
+def target_shapes(
+    axis: AxisPlan, registers: int, with_rules: Collection[int], of_unit: Iterable[AxisPlan]
+) -> Shapes | None:
+    """Return the shapes of a target in a block of so many registers; None: it is stored.
+
+    ``with_rules``: unit ids whose frames may mean something else than positions to be gone to at once.
+    ``of_unit``: all axes of its unit id.
+    """
+    field = axis.command[0]
+    is_plain = axis.compensation is not CompensationMode.SHADOW and not field.type.is_float
+    if not (is_plain and _is_read_as_registers(axis)) or axis.unit_id in with_rules:
+        return None
+    is_early = not _word(field) and field.is_high_first_pair and writes_alone(of_unit, field)
+    request = write_shape(registers, _word(field), field.words, is_early=is_early)
+    return Shapes(request, acknowledgement_shape())
+
+
+def position_shapes(axis: AxisPlan, field: PositionField) -> Shapes | None:
+    """Return the shapes of a read of one position, with the block that it stands in; None: it is stored."""
+    if not _is_read_as_registers(axis):
+        return None
+    word = _word(field)
+    early = [word] if field.is_high_first_pair else []
+    return Shapes(read_shape(), reply_shape(word + field.words, [(word, field.words)], early))
+
+
+def registers_shapes(axis: AxisPlan, registers: int) -> Shapes | None:
+    """Return the shapes of a read of registers that are no positions; None: it is stored."""
+    return Shapes(read_shape(), reply_shape(registers)) if _is_read_as_registers(axis) else None
+
+
+def _is_read_as_registers(axis: AxisPlan) -> bool:
+    return axis.addressing is Addressing.REGISTERS and axis.reads_with in REGISTER_READS and axis.checks_crc
+
+
+def _word(field: PositionField) -> int:
+    """Return at which word of its block a position begins."""
+    return 0 if field.block is None else field.address - field.block

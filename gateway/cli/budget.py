@@ -87,7 +87,7 @@ def _fit_or_exit(plan: "GatewayPlan", blocks: "Blocks", config: Path) -> None:
 def _say_json(plan: "GatewayPlan", blocks: "Blocks", findings: "Findings") -> None:
     from gateway.budget.as_data import line_data, remedy_data
     from gateway.budget.line import line_budget
-    from gateway.budget.remedies import remedies
+    from gateway.budget.verdict import remedies
 
     lines = {
         line.name: {

@@ -6,10 +6,9 @@ from rich.console import Console
 from rich.table import Table
 
 from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget, line_budget
-from gateway.budget.remedies import remedies
 from gateway.budget.sequence import Blocks
+from gateway.budget.verdict import ms, remedies
 from gateway.budget.wire import Wire
-from gateway.budget.words import ms, rate_text
 from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
@@ -73,7 +72,7 @@ def _show_controller(
         return
     console.print(_exchange_table(controller))
     cycle = controller.round
-    often = f", that is {rate_text(cycle.total_ns)}" if cycle.total_ns else ""
+    often = f", that is {_rate(cycle.total_ns)}" if cycle.total_ns else ""
     console.print(
         f"  a round of these {len(controller.exchanges)}: {ms(cycle.total_ns)}{often}; "
         f"without the gateway {ms(cycle.direct_ns)}"
@@ -175,3 +174,16 @@ def _show_added(console: Console, line: LineBudget) -> None:
         added = each.added
         table.add_row(f"  {added.axis}", added.why.value, added.before.value, ms(each.hold_ns))
     console.print(table)
+
+
+def _rate(round_ns: int) -> str:
+    """Say how often a round comes: a round of more than a second by its seconds.
+
+    >>> _rate(242_000_000), _rate(1_000_000_000), _rate(1_250_000_000), _rate(30_000_000_000)
+    ('4.1 a second', '1.0 a second', 'one in 1.25 s', 'one in 30 s')
+    """
+    if round_ns <= NS_PER_S:
+        return f"{NS_PER_S / round_ns:.1f} a second"
+    round_s = round_ns / NS_PER_S
+    digits = 0 if round_s >= 9.95 else 1 if round_s >= 1.995 else 2
+    return f"one in {round_s:.{digits}f} s"

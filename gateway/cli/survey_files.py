@@ -38,7 +38,7 @@ from gateway.tabfile import (
     dialect_named,
     parse_table,
 )
-from gateway.tabfile.resampling import MEASURED_DECIMALS, tidied
+from gateway.tabfile.conversion import MEASURED_DECIMALS, tidied
 
 STEEP = "L1"
 """Lint of a table that is steeper than the axis allows."""

@@ -26,15 +26,17 @@ from gateway.tabfile import (
 )
 from gateway.tabfile.conversion import (
     Converted,
+    Resampled,
     converted,
     is_modulo,
     reader_lines,
+    resample,
+    tidied,
     told_to_reader,
     turns_lost,
     write,
 )
 from gateway.tabfile.options import MAX_SCALE, MIN_SCALE
-from gateway.tabfile.resampling import Resampled, resample, tidied
 
 
 @takes_options

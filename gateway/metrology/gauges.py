@@ -29,7 +29,7 @@ from typing import Final
 
 from gateway.metrology.errors import MetrologyError
 from gateway.metrology.gauge_kinds import GaugeKind
-from gateway.tabfile.fields import to_decimal
+from gateway.tabfile.text import to_decimal
 
 LONGEST_LINE: Final = 64
 SHOWN: Final = 40

@@ -23,7 +23,7 @@ that of the axis, mm, inch or degree, and stands nowhere: ``file_units``. Where 
 nowhere either: the table counts from home, as the axis homed then. ``file_start`` must tell the position of
 the lowest value, and the values are read upwards from there. Two-dimensional tables are refused. Of several
 tables ``file_axis`` picks one. Two comments of our own above the tables are checked, see
-:mod:`gateway.tabfile.sums`.
+:mod:`gateway.tabfile.text`.
 """
 
 import re
@@ -34,16 +34,22 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.checks import Reading, check_home, check_own_range, context_in_file_units, told_units
+from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
-from gateway.tabfile.findings import Lint, Severity
-from gateway.tabfile.options import MAX_POSITION
-from gateway.tabfile.ranges import check_home, check_own_range, context_in_file_units, told_units
-from gateway.tabfile.readings import Reading
-from gateway.tabfile.sums import check_points, check_sum, stamped, stated_facts
-from gateway.tabfile.text import Line, SourceText, listed, shown
+from gateway.tabfile.options import MAX_POSITION, FileContext
+from gateway.tabfile.text import (
+    DECIMAL_ALLOWED,
+    Line,
+    SourceText,
+    check_points,
+    check_sum,
+    listed,
+    shown,
+    stamped,
+    stated_facts,
+    to_decimal,
+)
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
 
 NAME: Final = "aerotech-cal"

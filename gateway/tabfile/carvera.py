@@ -20,14 +20,11 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
+from gateway.tabfile.checks import check_stated, context_in_file_units
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
-from gateway.tabfile.options import MAX_POSITION, to_tell
-from gateway.tabfile.ranges import context_in_file_units
-from gateway.tabfile.stated import check_stated
-from gateway.tabfile.text import SourceText, listed, shown
+from gateway.tabfile.options import MAX_POSITION, FileContext, to_tell
+from gateway.tabfile.text import DECIMAL_ALLOWED, SourceText, listed, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "carvera"

@@ -24,14 +24,11 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import MM_PER_INCH, Units
-from gateway.tabfile.context import FileContext
+from gateway.tabfile.checks import Reading, check_home, check_range, check_start, describe_both
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import INTEGER_ALLOWED, to_integer
-from gateway.tabfile.options import V1Layout, choices
-from gateway.tabfile.ranges import check_home, check_range, check_start
-from gateway.tabfile.readings import Reading, describe_both
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.options import FileContext, V1Layout, choices
+from gateway.tabfile.text import INTEGER_ALLOWED, Line, SourceText, shown, to_integer
 from gateway.tabfile.writing import (
     LARGER_SCALE,
     NEEDS_SCALE,

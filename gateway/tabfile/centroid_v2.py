@@ -26,15 +26,19 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.checks import (
+    Reading,
+    check_home,
+    check_range,
+    context_in_file_units,
+    describe_both,
+    unused_options,
+)
+from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import to_decimal, to_integer, with_point
-from gateway.tabfile.findings import Lint, Severity
 from gateway.tabfile.names import axis_of_comment
-from gateway.tabfile.ranges import check_home, check_range, context_in_file_units, unused_options
-from gateway.tabfile.readings import Reading, describe_both
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.options import FileContext
+from gateway.tabfile.text import Line, SourceText, shown, to_decimal, to_integer, with_point
 from gateway.tabfile.writing import LARGER_SCALE, WriteOptions, Written, even_step, unwritable
 
 NAME: Final = "centroid-2"

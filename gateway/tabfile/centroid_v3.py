@@ -25,15 +25,11 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
+from gateway.tabfile.checks import Reading, check_home, check_stated, context_in_file_units, describe_both
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer, with_point
-from gateway.tabfile.options import HomeSide
-from gateway.tabfile.ranges import check_home, context_in_file_units
-from gateway.tabfile.readings import Reading, describe_both
-from gateway.tabfile.stated import check_stated
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.options import FileContext, HomeSide
+from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal, to_integer, with_point
 from gateway.tabfile.writing import WriteOptions, Written, even_step, home_side, unwritable
 
 NAME: Final = "centroid-3"

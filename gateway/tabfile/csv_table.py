@@ -22,8 +22,7 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import MM_PER_INCH, Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.csv_numbers import numbers
+from gateway.tabfile.checks import check_home, check_stated, context_in_file_units
 from gateway.tabfile.csv_text import (
     MAX_PROBLEMS,
     CsvText,
@@ -31,12 +30,12 @@ from gateway.tabfile.csv_text import (
     check_sums,
     csv_file,
     first_row,
+    numbers,
     parse_csv,
 )
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import TabFileError
-from gateway.tabfile.ranges import check_home, context_in_file_units
-from gateway.tabfile.stated import check_stated
+from gateway.tabfile.options import FileContext
 from gateway.tabfile.text import SourceText, shown
 from gateway.tabfile.writing import WriteOptions, Written
 

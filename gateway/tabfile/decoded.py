@@ -1,13 +1,42 @@
-"""What every reader returns, and what it becomes once it has been checked."""
+"""What every reader returns, remarks about it, and what it becomes once it has been checked."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
 from math import inf
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.options import FileContext
+
+
+class Severity(Enum):
+    """``error``: the gateway does not load the table. ``info``: nothing is to be done."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    INFO = "info"
+
+
+@dataclass(frozen=True, slots=True)
+class Lint:
+    """One remark. ``code`` never changes its meaning; ``message`` says what to do."""
+
+    code: str
+    severity: Severity
+    message: str
+    line: int | None = None
+
+    def to_json(self) -> dict[str, object]:
+        """Return the remark as plain data."""
+        return {
+            "code": self.code,
+            "severity": self.severity.value,
+            "message": self.message,
+            "line": self.line,
+        }
 
 
 class SourceRow(NamedTuple):
@@ -77,3 +106,48 @@ class LoadedTable:
     def warnings(self) -> tuple[Lint, ...]:
         """Remarks that do not."""
         return tuple(lint for lint in self.lints if lint.severity is Severity.WARNING)
+
+
+# --- Small sums over rows, which the loader and the lints share
+
+BRANCHES: Final = ("forward", "backward")
+
+
+def corrections(rows: Sequence[SourceRow], branch: str) -> list[float]:
+    """Return the corrections of one direction, in machine units."""
+    return [row.forward if branch == "forward" else row.backward for row in rows]
+
+
+def line_of(row: SourceRow, branch: str) -> int | None:
+    """Return the line that holds the correction of one direction."""
+    return row.forward_line if branch == "forward" else row.backward_line
+
+
+def steepest(rows: Sequence[SourceRow]) -> tuple[float, SourceRow, SourceRow]:
+    """Return the largest slope of either direction, signed, and the two points it lies between.
+
+    The steepest of slopes without a value (positions that coincide) is infinite.
+    """
+    found = (0.0, rows[0], rows[-1])
+    for before, after in pairwise(rows):
+        width = after.position - before.position
+        for change in (after.forward - before.forward, after.backward - before.backward):
+            slope = change / width if width > 0 else float("inf")
+            if not abs(slope) <= abs(found[0]):
+                found = (slope, before, after)
+    return found
+
+
+def second_differences(rows: Sequence[SourceRow], branch: str) -> list[float]:
+    """Return the bends of one direction, see :func:`bends`."""
+    return bends([row.position for row in rows], corrections(rows, branch))
+
+
+def bends(places: Sequence[float], values: Sequence[float]) -> list[float]:
+    """Return, for each inner point, |twice its distance from the line through its neighbours|."""
+    differences = []
+    for i in range(1, len(places) - 1):
+        share = (places[i] - places[i - 1]) / (places[i + 1] - places[i - 1])
+        chord = values[i - 1] + share * (values[i + 1] - values[i - 1])
+        differences.append(2 * abs(values[i] - chord))
+    return differences

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from enum import Enum
 
-from gateway.tabfile.curves import BRANCHES
-from gateway.tabfile.decoded import LoadedTable, SourceRow
+from gateway.tabfile.decoded import BRANCHES, LoadedTable, SourceRow
 
 
 class Outside(Enum):

@@ -28,15 +28,18 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
+from gateway.tabfile.checks import (
+    RULES,
+    check_stated,
+    context_in_file_units,
+    is_closed,
+    required_sense,
+    told_units,
+)
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import to_decimal
-from gateway.tabfile.options import ErrorSense
-from gateway.tabfile.ranges import context_in_file_units, told_units
-from gateway.tabfile.senses import RULES, required_sense
-from gateway.tabfile.stated import check_stated, is_closed
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.options import ErrorSense, FileContext
+from gateway.tabfile.text import Line, SourceText, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "fagor-8055"

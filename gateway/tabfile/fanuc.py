@@ -31,12 +31,23 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
+from gateway.tabfile.checks import told_units
 from gateway.tabfile.csv_text import first_row
 from gateway.tabfile.decoded import Decoded
-from gateway.tabfile.increment_tables import Meaning, Rows, decode, round_steps, written
-from gateway.tabfile.increments import Increments, Point, System, is_turn, parse_increments, sum_up
-from gateway.tabfile.ranges import told_units
+from gateway.tabfile.increments import (
+    Increments,
+    Meaning,
+    Point,
+    Rows,
+    System,
+    decode,
+    is_turn,
+    parse_increments,
+    round_steps,
+    sum_up,
+    written,
+)
+from gateway.tabfile.options import FileContext
 from gateway.tabfile.text import SourceText
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 

@@ -35,10 +35,9 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
+from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, required_sense
 from gateway.tabfile.decoded import Decoded, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
 from gateway.tabfile.heidenhain_columns import (
     AXIS,
     MAX_PROBLEMS,
@@ -49,11 +48,8 @@ from gateway.tabfile.heidenhain_columns import (
     parse_cells,
     parse_names,
 )
-from gateway.tabfile.options import ErrorSense
-from gateway.tabfile.ranges import context_in_file_units
-from gateway.tabfile.senses import RULES, required_sense
-from gateway.tabfile.stated import check_stated
-from gateway.tabfile.text import SourceText, shown
+from gateway.tabfile.options import ErrorSense, FileContext
+from gateway.tabfile.text import DECIMAL_ALLOWED, SourceText, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "heidenhain-com"

@@ -32,27 +32,24 @@ from itertools import islice, pairwise
 from math import inf
 from typing import Final
 
+from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, is_closed, unused_options
+from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import to_integer
-from gateway.tabfile.findings import Lint, Severity
-from gateway.tabfile.isg_keys import CYCLES, DEFAULT_MAX_POINTS, NAME, PER_UNIT, Keys, sort_keys
-from gateway.tabfile.isg_list import MAX_PROBLEMS, Entry, parse_list
-from gateway.tabfile.isg_writing import write
-from gateway.tabfile.options import ErrorSense, to_tell
-from gateway.tabfile.ranges import context_in_file_units, unused_options
-from gateway.tabfile.senses import RULES
-from gateway.tabfile.stated import check_stated, is_closed
-from gateway.tabfile.text import SourceText, shown
+from gateway.tabfile.isg_list import CYCLES, MAX_PROBLEMS, Entry, Keys, parse_list, sort_keys
+from gateway.tabfile.options import ErrorSense, FileContext, to_tell
+from gateway.tabfile.text import SourceText, shown, to_integer
+from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
-__all__ = ["NAME", "TITLE", "USES", "read", "recognise", "write"]
-
+NAME: Final = "isg"
 TITLE: Final = (
     "ISG kernel and Beckhoff TwinCAT CNC compensation list (kw.ssfk), errors in 0.1 µm or increments"
 )
 USES: Final = frozenset({"file_counts_per_unit", "file_start", "error_sense"})
+PER_UNIT: Final = 1e4
+"""Numbers of unit 1 in one mm or degree."""
+DEFAULT_MAX_POINTS: Final = 1500
 MAX_CYCLES: Final = 19
 SETPOINT_TOLERANCE: Final = 1e-6
 """A setpoint beside an interval may be off by this fraction of it."""
@@ -331,3 +328,98 @@ def _behaviour(keys: Keys, shape: _Shape, rows: Sequence[SourceRow]) -> tuple[st
         if shape.is_bilateral:
             lines.append(f"reversal = {{ cycles = {cycles} }}" if cycles > 1 else 'reversal = "step"')
     return tuple(lines)
+
+
+# --- Writing
+
+_DECIMALS: Final = 2
+"""0.01 of 0.1 µm is a nanometre."""
+_ROUNDING: Final = 0.5 * 10**-_DECIMALS
+
+
+def write(table: CorrectionTable, options: WriteOptions) -> Written:
+    """Write the table in unit 1, or in increments if the scale of the old control is told.
+
+    Numbers are rounded to 0.01 of the unit. Points on an even grid become an interval, others setpoints.
+
+    Raises:
+        TabFileError: inches without a scale, a negative scale, points that fall together once rounded.
+    """
+    scale = options.file_counts_per_unit
+    if scale is None and table.units is Units.INCH:
+        found = "a table in inch: lengths are in 0.1 µm"
+        raise unwritable(NAME, found, "mm (--to-units mm), or increments (--to-counts-per-unit N)")
+    if scale is not None and scale < 0:
+        raise unwritable(NAME, f"{scale:g} increments per {table.units.value}", "a scale above 0")
+    sense = options.sense or ErrorSense.ACTUAL_MINUS_COMMAND
+    factor = PER_UNIT if scale is None else scale
+    positions = [round(position * factor, _DECIMALS) for position in table.positions]
+    if any(after <= before for before, after in pairwise(positions)):
+        found = f"points closer than {10**-_DECIMALS:g} of its unit"
+        raise unwritable(NAME, found, "points further apart (--resample STEP), or --to-counts-per-unit N")
+    lines = _settings(table, positions, is_metric=scale is None)
+    if options.is_modulo:
+        lines.append(("kw.ssfk.modulo", "1"))
+    if options.axis is not None:
+        lines.insert(0, ("kopf.log_achs_name", f"{options.axis.upper()}-ACHSE"))
+    branches = [("pos", table.forward)]
+    if not table.is_unidirectional:
+        branches.append(("neg", table.backward))
+    for name, curve in branches:
+        for index, correction in enumerate(curve):
+            error = _text(sense.to_correction * correction * factor)
+            lines.append((f"kw.ssfk.table[{index}].{name}", error))
+    context = FileContext(
+        axis=options.axis,
+        units=None,
+        file_counts_per_unit=scale,
+        file_units=table.units,
+        error_sense=sense,
+    )
+    return Written(
+        "".join(f"{key:<35} {value}\n" for key, value in lines), _losses(positions, scale), context
+    )
+
+
+def _settings(
+    table: CorrectionTable, positions: Sequence[float], *, is_metric: bool
+) -> list[tuple[str, str]]:
+    """Return the lines before the values, those of free positions included."""
+    size = len(positions)
+    interval = round((positions[-1] - positions[0]) / (size - 1), _DECIMALS)
+    is_even = interval > 0 and all(
+        abs(position - (positions[0] + index * interval)) < _ROUNDING
+        for index, position in enumerate(positions)
+    )
+    lines = [
+        ("kw.ssfk.unit", str(int(is_metric))),
+        ("kw.ssfk.interval", _text(interval) if is_even else "0"),
+        ("kw.ssfk.kw_startpos", _text(positions[0])),
+        ("kw.ssfk.kw_nr_max", str(size)),
+        ("kw.ssfk.bilateral", str(int(not table.is_unidirectional))),
+    ]
+    if size > DEFAULT_MAX_POINTS:
+        lines.append(("kw.ssfk.max_points", str(size)))
+    if not is_even:
+        lines.extend(
+            (f"kw.ssfk.table[{index}].setpoint", _text(position)) for index, position in enumerate(positions)
+        )
+    return lines
+
+
+def _losses(positions: Sequence[float], scale: float | None) -> tuple[str, ...]:
+    unit = "0.1 µm (0.0001 degree)" if scale is None else "an increment"
+    losses = [
+        f"positions and values are rounded to 0.01 of {unit}; kernels before V3.1.3132 take whole numbers"
+    ]
+    if len(positions) > DEFAULT_MAX_POINTS:
+        losses.append(
+            f"{len(positions)} points need a kernel that knows max_points (from V3.1.3079.06), others take "
+            f"{DEFAULT_MAX_POINTS}"
+        )
+    return tuple(losses)
+
+
+def _text(number: float) -> str:
+    """Return a number without the zeros that say nothing."""
+    return f"{round(number, _DECIMALS) + 0.0:.{_DECIMALS}f}".rstrip("0").rstrip(".")

@@ -10,9 +10,18 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.settings import default_max_correction
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile.curves import BRANCHES, bends, corrections, line_of, second_differences, steepest
-from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.decoded import (
+    BRANCHES,
+    Decoded,
+    Lint,
+    Severity,
+    SourceRow,
+    bends,
+    corrections,
+    line_of,
+    second_differences,
+    steepest,
+)
 from gateway.tabfile.names import axis_of_name
 
 REVERSED_ROUGHNESS: Final = 0.5

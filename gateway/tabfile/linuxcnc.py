@@ -27,14 +27,11 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.checks import check_stated, context_in_file_units, told_units
+from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
-from gateway.tabfile.findings import Lint, Severity
-from gateway.tabfile.ranges import context_in_file_units, told_units
-from gateway.tabfile.stated import check_stated
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.options import FileContext
+from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME_0: Final = "linuxcnc-0"

@@ -6,14 +6,12 @@ from pathlib import Path
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.curves import steepest
-from gateway.tabfile.decoded import Decoded, LoadedTable
+from gateway.tabfile.checks import under_new_names, unused_options
+from gateway.tabfile.decoded import Decoded, LoadedTable, steepest
 from gateway.tabfile.dialects import Dialect, choose
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.lints import run_lints
-from gateway.tabfile.options import DECLARED, MAX_POSITION
-from gateway.tabfile.ranges import under_new_names, unused_options
+from gateway.tabfile.options import DECLARED, MAX_POSITION, FileContext
 from gateway.tabfile.text import MAX_BYTES, SourceText, decode
 
 

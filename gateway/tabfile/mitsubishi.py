@@ -24,11 +24,19 @@ reference itself: its value is 0. The parameters go by plain names here; the CSV
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile.context import FileContext
 from gateway.tabfile.csv_text import first_row
 from gateway.tabfile.decoded import Decoded
-from gateway.tabfile.increment_tables import Meaning, Rows, decode, round_steps, written
-from gateway.tabfile.increments import System, parse_increments, sum_up
+from gateway.tabfile.increments import (
+    Meaning,
+    Rows,
+    System,
+    decode,
+    parse_increments,
+    round_steps,
+    sum_up,
+    written,
+)
+from gateway.tabfile.options import FileContext
 from gateway.tabfile.text import SourceText
 from gateway.tabfile.writing import WriteOptions, Written
 

@@ -28,15 +28,11 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.fields import to_integer
-from gateway.tabfile.findings import Lint, Severity
+from gateway.tabfile.checks import RULES, TOUCH, context_in_file_units, required_sense, told_units
+from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
 from gateway.tabfile.increments import TURN_DEGREES, is_turn
-from gateway.tabfile.options import to_tell
-from gateway.tabfile.ranges import TOUCH, context_in_file_units, told_units
-from gateway.tabfile.senses import RULES, required_sense
-from gateway.tabfile.text import SourceText, listed, shown
+from gateway.tabfile.options import FileContext, to_tell
+from gateway.tabfile.text import SourceText, listed, shown, to_integer
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "pmac"

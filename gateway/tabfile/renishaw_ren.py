@@ -21,19 +21,19 @@ from collections.abc import Sequence
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal, to_integer
-from gateway.tabfile.ranges import (
+from gateway.tabfile.checks import (
+    AS_THEY_STAND,
+    Reading,
     check_home,
     check_own_range,
     check_start,
     context_in_file_units,
     told_units,
 )
-from gateway.tabfile.readings import AS_THEY_STAND, Reading
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.options import FileContext
+from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal, to_integer
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "renishaw-ren"

@@ -25,23 +25,226 @@ another thing (:mod:`gateway.tabfile.siemens_cec`) and refused beside these.
 
 import re
 from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile import siemens_lines
-from gateway.tabfile.context import FileContext
+from gateway.compensation.units import Units
+from gateway.tabfile.checks import check_stated, context_in_file_units, is_closed, told_units
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.options import to_tell
-from gateway.tabfile.ranges import context_in_file_units, told_units
-from gateway.tabfile.siemens_lines import Number
-from gateway.tabfile.stated import check_stated
-from gateway.tabfile.text import Line, SourceText, listed, shown
+from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.options import MAX_POSITION, FileContext, to_tell
+from gateway.tabfile.text import DECIMAL_ALLOWED, MAX_LINES, Line, SourceText, listed, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
+
+# --- Lines that assign, a grid from MIN to MAX, an end: also of :mod:`gateway.tabfile.siemens_cec`
+#
+# ``;`` begins a comment, blanks stand anywhere, words are in any case. A file ends with M17, M02 or M30; one
+# that is run as a program has M0, M30 or both before it. Numbers may be hexadecimal, as the control saves
+# them: 'H0', 'H1F'.
+
+SUFFIX: Final = ".ini"
+DECIMALS: Final = 8
+PLAUSIBLE: Final = {Units.INCH: 0.1, Units.MM: 0.5, Units.DEGREE: 0.5}
+GRID: Final = ("STEP", "MIN", "MAX", "IS_MODULO")
+"""Numbers that a table must have, by their names."""
+AXIS_NAME: Final = "[A-Z][A-Z0-9_]*"
+_MAX_PROBLEMS: Final = 20
+_GRID_TOLERANCE: Final = 1e-6
+"""MAX may miss MIN + k x STEP by this fraction of a step."""
+_SHOWN: Final = 10
+_DATA: Final = re.compile(r"(?i)CHANDATA\s*\(\s*[0-9]{1,2}\s*\)")
+_END: Final = re.compile(r"(?i)M(17|0?2|30)")
+_STOPS: Final = (re.compile("(?i)M30"), re.compile("(?i)M00?"))
+"""What may stand before M17 in a file that is run as a program, the last first: it stops there."""
+_HEX: Final = re.compile(r"(?i)'H([0-9A-F]{1,8})'")
+_EXPONENT: Final = re.compile(r"(?i)(?<=[0-9.])EX(?=[+-]?[0-9])")
+_LETTER: Final = re.compile("[A-Z][0-9]{0,2}")
+"""Names of axes, such as X1, that tell the letter of the axis; AX1 does not."""
+
+
+class Number(NamedTuple):
+    """A number and the line that it stands on."""
+
+    value: float
+    line: int
+
+
+def assign(
+    source: SourceText, header: re.Pattern[str], allowed: str, take: Callable[[Line, str], str]
+) -> None:
+    """Give each line that is neither header nor end to ``take``, which returns what is wrong with it, or "".
+
+    Raises:
+        TabFileError: lines that are wrong, a line after the end, no end.
+    """
+    lines = [(line, text) for line in source.lines if (text := line.text.split(";")[0].strip())]
+    end = next((index for index, (_, text) in enumerate(lines) if _END.fullmatch(text)), len(lines))
+    if end == len(lines) - 2 and _STOPS[0].fullmatch(lines[end][1]) and _END.fullmatch(lines[-1][1]):
+        end += 1
+    first_stop = end
+    for stop in _STOPS:
+        if 0 < first_stop < len(lines) and stop.fullmatch(lines[first_stop - 1][1]):
+            first_stop -= 1
+    problems: list[Problem] = []
+    is_above = True
+    for index, (line, text) in enumerate(lines):
+        is_head = (index == 0 and header.fullmatch(text)) or (is_above and _DATA.fullmatch(text))
+        if is_head or first_stop <= index <= end:
+            continue
+        is_above = False
+        found = "a line after the end" if index > end else take(line, text)
+        if found:
+            problems.append(source.problem(f"{found} in {shown(line.text)}", allowed, line=line.number))
+    if problems:
+        raise TabFileError(*problems[:_MAX_PROBLEMS])
+    if end == len(lines):
+        raise source.error(
+            "the end of the file without M17", "M17 at the end: is the file whole?", line=source.last_line
+        )
+    if is_above:
+        raise source.error("no compensation values", allowed)
+
+
+def number_of(text: str) -> float | None:
+    """Return the number that a value is, None where it is none.
+
+    >>> number_of("'H1F'"), number_of("1.5EX-3"), number_of("1,5")
+    (31.0, 0.0015, None)
+    """
+    hexadecimal = _HEX.fullmatch(text)
+    return float(int(hexadecimal[1], 16)) if hexadecimal else to_decimal(_EXPONENT.sub("E", text))
+
+
+def no_number(text: str) -> str:
+    """Say that a value is no number."""
+    return f"{shown(text)}, which is not {DECIMAL_ALLOWED},"
+
+
+def twice(before: tuple[object, int], entry: tuple[object, int]) -> str:
+    """Say that something is there already, "" where it was not."""
+    return "" if before is entry else f"a second value (the first is on line {before[1]})"
+
+
+def letter_of(axis: str) -> str | None:
+    """Return the letter that the name of a machine axis tells."""
+    return axis[0] if _LETTER.fullmatch(axis) else None
+
+
+def check_there(source: SourceText, name: str, missing: Iterable[str]) -> None:
+    """Check that nothing is missing in the table of this name.
+
+    Raises:
+        TabFileError: these are.
+    """
+    names = ", ".join(missing)
+    if names:
+        raise source.error(
+            f"{name}: no {names}", "each once: the control would go on with what it was loaded with before"
+        )
+
+
+def check_grid(
+    source: SourceText, name: str, numbers: Mapping[str, Number], values: Mapping[int, Number]
+) -> None:
+    """Check that a table has every point from MIN to MAX and no other.
+
+    Raises:
+        TabFileError: a step or ends that make no grid, a point that is missing or beyond MAX, another
+            IS_MODULO than 0 and 1.
+    """
+    step, low, high, modulo = (numbers[key] for key in GRID)
+    if modulo.value not in {0.0, 1.0}:
+        raise source.error(f"{name}: IS_MODULO {modulo.value:g}", "0 or 1", line=modulo.line)
+    if not step.value > 0:
+        raise source.error(f"{name}: STEP {step.value:g}", "a distance above 0", line=step.line)
+    if not -MAX_POSITION < low.value < high.value < MAX_POSITION:
+        raise source.error(f"{name}: MIN {low.value:g}, MAX {high.value:g}", "MIN below MAX", line=high.line)
+    intervals = (high.value - low.value) / step.value
+    last = round(min(intervals, MAX_LINES))
+    if abs(last - intervals) > _GRID_TOLERANCE or last < 1:
+        raise source.error(
+            f"{name}: {intervals:.9g} steps of {step.value:g} from MIN {low.value:g} to MAX {high.value:g}",
+            "a whole number of steps",
+            line=step.line,
+        )
+    missing = [index for index in range(last + 1) if index not in values]
+    if missing:
+        raise source.error(
+            f"{len(missing)} of {last + 1} points of {name} missing: {_listed(missing)}",
+            f"every point from 0 to {last}, which is MAX: the control would keep older values in a gap",
+            line=high.line,
+        )
+    beyond = sorted(index for index in values if index > last)
+    if beyond:
+        raise source.error(
+            f"points of {name} beyond MAX, which is point {last}: {_listed(beyond)}",
+            f"points from 0 to {last}, or another MAX",
+            line=values[beyond[0]].line,
+        )
+
+
+def _listed(indices: Iterable[int]) -> str:
+    names = [str(index) for index in indices]
+    return ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
+
+
+def positions(numbers: Mapping[str, Number], count: int) -> Iterator[float]:
+    """Yield the positions of a grid, from its nearer end: both ends are exactly what the file says."""
+    step, low, high, _ = (numbers[key].value for key in GRID)
+    last = count - 1
+    for index in range(count):
+        yield low + index * step if 2 * index <= last else high - (last - index) * step
+
+
+def turn_of(source: SourceText, numbers: Mapping[str, Number], rows: tuple[SourceRow, ...]) -> float | None:
+    """Return the length after which the table begins again, None where it does not.
+
+    Raises:
+        TabFileError: it begins again with other values than it ends with.
+    """
+    if not numbers["IS_MODULO"].value:
+        return None
+    if not is_closed(rows):
+        raise source.error(
+            f"IS_MODULO 1, but {rows[0].forward_value:g} at MIN and {rows[-1].forward_value:g} at MAX: the "
+            "axis would jump where the table begins again",
+            "the same value at both, or IS_MODULO 0",
+            line=rows[-1].forward_line,
+        )
+    return rows[-1].position - rows[0].position
+
+
+def edges(turn: float | None) -> tuple[str, ...]:
+    """Return the settings of an axis that does at the ends what the control does."""
+    return ('outside = "hold"',) if turn is None else (f"modulo = {turn:.10g}",)
+
+
+def axis_to_write(name: str | None, letter: str | None) -> str:
+    """Return the name of a machine axis; without one it is the letter of the axis and 1 (``X1``)."""
+    return (name or (f"{letter}1" if letter else "")).upper()
+
+
+def written(value: float) -> str:
+    """Return a value with its decimals."""
+    return f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}"
+
+
+def losses(units: Units) -> str:
+    """Say what no such file holds."""
+    return f"values are rounded to {DECIMALS} decimals; units ({units.value}) are not in the file"
+
+
+def exactly(value: float) -> str:
+    """Return a position or a distance."""
+    return repr(float(f"{value:.12g}"))
+
+
+# --- Encoder error compensation
 
 NAME: Final = "siemens-eec"
 TITLE: Final = "Siemens SINUMERIK _EEC_INI: errors of the measuring system, one direction"
-SUFFIX: Final = siemens_lines.SUFFIX
 USES: Final = frozenset({"file_start", "file_axis"})
 _SIGN: Final = re.compile(r"(?i)_EEC_INI|\$AA_ENC_COMP")
 _CEC: Final = re.compile(r"(?i)\$AN_CEC|_CEC_INI")
@@ -93,7 +296,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     context = context_in_file_units(source, context, units)
     rows = _rows(source, table, name)
     check_stated(source, rows, units, context)
-    turn = siemens_lines.turn_of(source, table.numbers, rows)
+    turn = turn_of(source, table.numbers, rows)
     return Decoded(
         rows,
         units,
@@ -101,22 +304,22 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         units.value,
         _RULE,
         _RULE,
-        axis=siemens_lines.letter_of(name[1]),
+        axis=letter_of(name[1]),
         file_axis=",".join(name),
-        plausible=(0.0, siemens_lines.PLAUSIBLE[units]),
+        plausible=(0.0, PLAUSIBLE[units]),
         decisions=(
             f"axis {name[1]}, measuring system {name[0]}",
             f"{len(rows)} points, all from 0 to {len(rows) - 1} and each once",
             *((f"one turn of {turn:.10g}, then it begins again",) if turn is not None else ()),
         ),
-        behaves_as=siemens_lines.edges(turn),
+        behaves_as=edges(turn),
         modulo=turn,
     )
 
 
 def _parse(source: SourceText) -> _Tables:
     tables: _Tables = {}
-    siemens_lines.assign(source, _HEADER, _ALLOWED, lambda line, text: _add(tables, line, text))
+    assign(source, _HEADER, _ALLOWED, lambda line, text: _add(tables, line, text))
     return tables
 
 
@@ -125,16 +328,16 @@ def _add(tables: _Tables, line: Line, text: str) -> str:
     match = _ASSIGNMENT.fullmatch(text)
     if match is None:
         return "something else"
-    value = siemens_lines.number_of(match["value"])
+    value = number_of(match["value"])
     if value is None:
-        return siemens_lines.no_number(match["value"])
+        return no_number(match["value"])
     table = tables.setdefault((match["encoder"], match["axis"].upper()), _Table())
     number = Number(value, line.number)
     if (match["key"] is None) != (match["index"] is not None):
         return "a wrong number of indices"
     if match["key"] is None:
-        return siemens_lines.twice(table.values.setdefault(int(match["index"]), number), number)
-    return siemens_lines.twice(table.numbers.setdefault(match["key"][1:].upper(), number), number)
+        return twice(table.values.setdefault(int(match["index"]), number), number)
+    return twice(table.numbers.setdefault(match["key"][1:].upper(), number), number)
 
 
 def _choose(source: SourceText, tables: _Tables, context: FileContext) -> tuple[tuple[str, str], _Table]:
@@ -164,14 +367,14 @@ def _choose(source: SourceText, tables: _Tables, context: FileContext) -> tuple[
 
 def _rows(source: SourceText, table: _Table, name: tuple[str, str]) -> tuple[SourceRow, ...]:
     inside = f"[{name[0]},{name[1]}]"
-    siemens_lines.check_there(
+    check_there(
         source,
         inside,
-        (f"$AA_ENC_COMP_{key}{inside}" for key in siemens_lines.GRID if key not in table.numbers),
+        (f"$AA_ENC_COMP_{key}{inside}" for key in GRID if key not in table.numbers),
     )
-    siemens_lines.check_grid(source, inside, table.numbers, table.values)
+    check_grid(source, inside, table.numbers, table.values)
     rows = []
-    for index, position in enumerate(siemens_lines.positions(table.numbers, len(table.values))):
+    for index, position in enumerate(positions(table.numbers, len(table.values))):
         error, line = table.values[index]
         rows.append(SourceRow(position, 0.0 - error, 0.0 - error, error, error, line, line))
     return tuple(rows)
@@ -187,34 +390,34 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """
     step = even_step(table, NAME)
     encoder, axis = _name(options)
-    curve, losses = one_curve(table)
+    curve, lost = one_curve(table)
     inside = f"{encoder},{axis}"
     intervals = len(table.positions) - 1
     lines = [
         f"%_N_{axis}_EEC_INI",
         "CHANDATA(1)",
         *(
-            f"$AA_ENC_COMP[{encoder},{index},{axis}]={siemens_lines.written(0.0 - correction)}"
+            f"$AA_ENC_COMP[{encoder},{index},{axis}]={written(0.0 - correction)}"
             for index, correction in enumerate(curve)
         ),
-        f"$AA_ENC_COMP_STEP[{inside}]={siemens_lines.exactly(step)}",
-        f"$AA_ENC_COMP_MIN[{inside}]={siemens_lines.exactly(table.first)}",
-        f"$AA_ENC_COMP_MAX[{inside}]={siemens_lines.exactly(table.last)}",
+        f"$AA_ENC_COMP_STEP[{inside}]={exactly(step)}",
+        f"$AA_ENC_COMP_MIN[{inside}]={exactly(table.first)}",
+        f"$AA_ENC_COMP_MAX[{inside}]={exactly(table.last)}",
         f"$AA_ENC_COMP_IS_MODULO[{inside}]={int(options.is_modulo)}",
         "M17",
     ]
-    losses = (
-        *losses,
-        siemens_lines.losses(table.units),
+    lost = (
+        *lost,
+        losses(table.units),
         f"the control needs room for {intervals + 1} points (MD38000) and MD32700 = 0 while it is loaded",
     )
     context = FileContext(file_units=table.units, file_axis=axis)
-    return Written("".join(f"{line}\n" for line in lines), losses, context)
+    return Written("".join(f"{line}\n" for line in lines), lost, context)
 
 
 def _name(options: WriteOptions) -> tuple[str, str]:
-    name = siemens_lines.axis_to_write(options.file_axis, options.axis)
-    match = re.fullmatch(rf"(?:([0-9]),)?({siemens_lines.AXIS_NAME})", name)
+    name = axis_to_write(options.file_axis, options.axis)
+    match = re.fullmatch(rf"(?:([0-9]),)?({AXIS_NAME})", name)
     if match is None:
         raise unwritable(
             NAME, f"axis {name!r}", "the name of a machine axis, such as X1: --to-file-axis NAME"

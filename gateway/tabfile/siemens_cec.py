@@ -30,20 +30,17 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile import siemens_lines
-from gateway.tabfile.context import FileContext
+from gateway.tabfile import siemens
+from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, required_sense, told_units
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.options import to_tell
-from gateway.tabfile.ranges import context_in_file_units, told_units
-from gateway.tabfile.senses import RULES, required_sense
-from gateway.tabfile.siemens_lines import Number
-from gateway.tabfile.stated import check_stated
+from gateway.tabfile.options import FileContext, to_tell
+from gateway.tabfile.siemens import Number
 from gateway.tabfile.text import Line, SourceText, listed, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, unwritable
 
 NAME: Final = "siemens-cec"
 TITLE: Final = "Siemens SINUMERIK _CEC_INI of an axis by itself, both directions ($AN_CEC_DIRECTION)"
-SUFFIX: Final = siemens_lines.SUFFIX
+SUFFIX: Final = siemens.SUFFIX
 USES: Final = frozenset({"file_start", "file_axis", "error_sense"})
 _WHAT: Final = "a sag compensation (CEC) table"
 _SIGN: Final = re.compile(r"(?i)\$AN_CEC|_CEC_INI")
@@ -53,9 +50,9 @@ _ASSIGNMENT: Final = re.compile(
     r"(?i)\$AN_CEC(?P<key>_[A-Z_]+)?\s*\[\s*(?P<table>[0-9]{1,3})\s*"
     r"(?:,\s*(?P<index>[0-9]{1,6})\s*)?\]\s*=\s*(?P<value>\S.*)"
 )
-_AXIS: Final = re.compile(rf"(?i)\(\s*({siemens_lines.AXIS_NAME})\s*\)")
+_AXIS: Final = re.compile(rf"(?i)\(\s*({siemens.AXIS_NAME})\s*\)")
 _AXES: Final = ("INPUT_AXIS", "OUTPUT_AXIS")
-_NUMBERS: Final = (*siemens_lines.GRID, "DIRECTION")
+_NUMBERS: Final = (*siemens.GRID, "DIRECTION")
 _ALLOWED: Final = (
     "$AN_CEC[t,N]=value, its _INPUT_AXIS, _OUTPUT_AXIS [t]=(axis), _STEP, _MIN, _MAX, _DIRECTION, _IS_MODULO "
     "[t]=value, or M17 at the end"
@@ -74,7 +71,7 @@ class _Table:
     @property
     def grid(self) -> tuple[float, ...]:
         """What two tables of one axis must have in common."""
-        return tuple(self.numbers[key].value for key in siemens_lines.GRID)
+        return tuple(self.numbers[key].value for key in siemens.GRID)
 
     @property
     def direction(self) -> int:
@@ -111,7 +108,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     sense = required_sense(source, context, _WHAT)
     rows = _rows(forward, backward, sense.to_correction)
     check_stated(source, rows, units, context)
-    turn = siemens_lines.turn_of(source, forward.numbers, rows)
+    turn = siemens.turn_of(source, forward.numbers, rows)
     which = "one table for both directions" if forward is backward else "a table for each direction"
     return Decoded(
         rows,
@@ -120,18 +117,18 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         units.value,
         f"{RULES[sense]}; table {forward.number}",
         f"{RULES[sense]}; table {backward.number}",
-        axis=siemens_lines.letter_of(axis),
+        axis=siemens.letter_of(axis),
         file_axis=axis,
-        plausible=(0.0, siemens_lines.PLAUSIBLE[units]),
+        plausible=(0.0, siemens.PLAUSIBLE[units]),
         decisions=(f"axis {axis}: {which}", f"sense {sense.value}: told", f"{len(rows)} points, each once"),
-        behaves_as=siemens_lines.edges(turn),
+        behaves_as=siemens.edges(turn),
         modulo=turn,
     )
 
 
 def _parse(source: SourceText) -> list[_Table]:
     tables: dict[int, _Table] = {}
-    siemens_lines.assign(source, _HEADER, _ALLOWED, lambda line, text: _add(tables, line, text))
+    siemens.assign(source, _HEADER, _ALLOWED, lambda line, text: _add(tables, line, text))
     return list(tables.values())
 
 
@@ -152,16 +149,16 @@ def _add(tables: dict[int, _Table], line: Line, text: str) -> str:
         if name is None:
             return f"{shown(value)}, which is no axis in brackets such as (X1),"
         entry = (name[1].upper(), line.number)
-        return siemens_lines.twice(table.axes.setdefault(key, entry), entry)
-    number = siemens_lines.number_of(value)
+        return siemens.twice(table.axes.setdefault(key, entry), entry)
+    number = siemens.number_of(value)
     if number is None:
-        return siemens_lines.no_number(value)
+        return siemens.no_number(value)
     if key == "MULT_BY_TABLE":
         return "" if number == 0.0 else "a product of two tables"
     point = Number(number, line.number)
     if key:
-        return siemens_lines.twice(table.numbers.setdefault(key, point), point)
-    return siemens_lines.twice(table.values.setdefault(int(match["index"]), point), point)
+        return siemens.twice(table.numbers.setdefault(key, point), point)
+    return siemens.twice(table.values.setdefault(int(match["index"]), point), point)
 
 
 def _check(source: SourceText, table: _Table) -> None:
@@ -169,7 +166,7 @@ def _check(source: SourceText, table: _Table) -> None:
     name = f"{_WHAT[2:]} {table.number}"
     missing = [key for key in _AXES if key not in table.axes]
     missing += [key for key in _NUMBERS if key not in table.numbers]
-    siemens_lines.check_there(source, name, (f"$AN_CEC_{key}[{table.number}]" for key in missing))
+    siemens.check_there(source, name, (f"$AN_CEC_{key}[{table.number}]" for key in missing))
     one, two = (table.axes[key] for key in _AXES)
     if one[0] != two[0]:
         raise source.error(
@@ -180,7 +177,7 @@ def _check(source: SourceText, table: _Table) -> None:
     direction, line = table.numbers["DIRECTION"]
     if direction not in {0.0, 1.0, -1.0}:
         raise source.error(f"{name}: DIRECTION {direction:g}", "0, 1 or -1", line=line)
-    siemens_lines.check_grid(source, name, table.numbers, table.values)
+    siemens.check_grid(source, name, table.numbers, table.values)
 
 
 def _choose(source: SourceText, tables: list[_Table], context: FileContext) -> tuple[str, list[_Table]]:
@@ -226,7 +223,7 @@ def _directions(source: SourceText, axis: str, tables: list[_Table]) -> tuple[_T
 
 def _rows(forward: _Table, backward: _Table, to_correction: float) -> tuple[SourceRow, ...]:
     rows = []
-    for index, position in enumerate(siemens_lines.positions(forward.numbers, len(forward.values))):
+    for index, position in enumerate(siemens.positions(forward.numbers, len(forward.values))):
         (one, line), (other, other_line) = forward.values[index], backward.values[index]
         rows.append(
             SourceRow(
@@ -245,8 +242,8 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         TabFileError: no axis, no sense told, or points that are not evenly spaced.
     """
     step = even_step(table, NAME)
-    name = siemens_lines.axis_to_write(options.file_axis, options.axis)
-    if re.fullmatch(siemens_lines.AXIS_NAME, name) is None:
+    name = siemens.axis_to_write(options.file_axis, options.axis)
+    if re.fullmatch(siemens.AXIS_NAME, name) is None:
         raise unwritable(
             NAME, f"axis {name!r}", "the name of a machine axis, such as X1: --to-file-axis NAME"
         )
@@ -260,15 +257,13 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     columns = [(0, table.forward)] if table.is_unidirectional else [(1, table.forward), (-1, table.backward)]
     lines = ["%_N_NC_CEC_INI", "CHANDATA(1)"]
     for number, (direction, curve) in enumerate(columns):
-        lines += [
-            f"$AN_CEC[{number},{index}]={siemens_lines.written(factor * c)}" for index, c in enumerate(curve)
-        ]
+        lines += [f"$AN_CEC[{number},{index}]={siemens.written(factor * c)}" for index, c in enumerate(curve)]
         lines += [
             f"$AN_CEC_INPUT_AXIS[{number}]=({name})",
             f"$AN_CEC_OUTPUT_AXIS[{number}]=({name})",
-            f"$AN_CEC_STEP[{number}]={siemens_lines.exactly(step)}",
-            f"$AN_CEC_MIN[{number}]={siemens_lines.exactly(table.first)}",
-            f"$AN_CEC_MAX[{number}]={siemens_lines.exactly(table.last)}",
+            f"$AN_CEC_STEP[{number}]={siemens.exactly(step)}",
+            f"$AN_CEC_MIN[{number}]={siemens.exactly(table.first)}",
+            f"$AN_CEC_MAX[{number}]={siemens.exactly(table.last)}",
             f"$AN_CEC_DIRECTION[{number}]={direction}",
             f"$AN_CEC_MULT_BY_TABLE[{number}]=0",
             f"$AN_CEC_IS_MODULO[{number}]={int(options.is_modulo)}",
@@ -276,7 +271,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     lines.append("M17")
     room = f"the control needs room for {len(table.positions)} points in each table (MD18342)"
     losses = (
-        siemens_lines.losses(table.units),
+        siemens.losses(table.units),
         f"{room} and MD32710 = 0 while it is loaded",
     )
     context = FileContext(file_units=table.units, file_axis=name, error_sense=options.sense)

@@ -20,16 +20,11 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.decoded import Decoded, SourceRow
+from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, required_sense
+from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
-from gateway.tabfile.findings import Lint, Severity
-from gateway.tabfile.options import to_tell
-from gateway.tabfile.ranges import context_in_file_units
-from gateway.tabfile.senses import RULES, required_sense
-from gateway.tabfile.stated import check_stated
-from gateway.tabfile.text import Line, SourceText, listed, shown
+from gateway.tabfile.options import FileContext, to_tell
+from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, listed, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "weihong"

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile.context import FileContext
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.options import ErrorSense, V1Layout
+from gateway.tabfile.options import ErrorSense, FileContext, V1Layout
 
 EVEN_TOLERANCE: Final = 1e-4
 """Every point must lie within this fraction of a step from its even place: the readers allow as much."""

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.budget.cuts import delay_of
-from gateway.budget.line import line_budget
+from gateway.budget.line import delay_of, line_budget
 from gateway.budget.sequence import Blocks, Step, What, least_target_registers, round_of
 from gateway.budget.verdict import Grade, judge
 from gateway.drives.library import names

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.budget.line import ControllerBudget, ExchangeBudget, line_budget
-from gateway.budget.remedies import remedies
 from gateway.budget.sequence import Blocks, What, Why
+from gateway.budget.verdict import remedies
 from gateway.compensation.settings import Setpoints
 from gateway.exchange.plan import AxisPlan, LineTiming, Role
 from gateway.state.plan import LinePlan

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.budget.frames import Frame, read_frame, write_frames
 from gateway.budget.sequence import What, round_of
-from gateway.budget.wire import Wire, wire_of
+from gateway.budget.wire import Frame, Wire, read_frame, wire_of, write_frames
 from gateway.drives.library import names
 from gateway.drives.motion import Form
 from gateway.exchange.added_frames import AddedFrame, Purpose, read_field
@@ -157,7 +156,7 @@ def test_a_frame_of_a_round_ends_by_silence_where_the_decoder_cannot_tell_its_le
 
 def test_the_relay_can_reckon_without_the_libraries_that_it_must_not_have() -> None:
     script = (
-        "import sys, gateway.budget.as_data, gateway.budget.remedies;"
+        "import sys, gateway.budget.as_data, gateway.budget.verdict;"
         "print([m for m in ('pydantic', 'rich', 'typer', 'asyncio', 'logging') if m in sys.modules])"
     )
     process = subprocess.run(

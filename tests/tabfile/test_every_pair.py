@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import DIALECTS, ErrorSense, WriteOptions, dialect_named, parse_table
-from gateway.tabfile.conversion import Converted, converted
-from gateway.tabfile.resampling import resample
+from gateway.tabfile.conversion import Converted, converted, resample
 from tests.soak import repeated
 
 

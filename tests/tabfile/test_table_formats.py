@@ -13,8 +13,8 @@ from gateway.cli.table_options import format_names, writable_names
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import DIALECTS, OPTIONS, FileContext, TabFileError, explain, read_table
+from gateway.tabfile.conversion import resample
 from gateway.tabfile.explanation import to_json
-from gateway.tabfile.resampling import resample
 from tests.table_commands import good, run
 
 TABLES = Path(__file__).parents[2] / "tables"

@@ -7,11 +7,9 @@ from typing import Final
 
 from gateway.compensation.units import Units
 from gateway.metrology.circumstances import STATED
-from gateway.tabfile.csv_numbers import GROUPED
-from gateway.tabfile.csv_text import split_cells
+from gateway.tabfile.csv_text import GROUPED, split_cells
 from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.fields import DECIMAL_ALLOWED, to_decimal
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal
 
 SEPARATORS: Final = ("\t", ";", ",")
 _WITH_COMMA: Final = re.compile(r"[+-]?[0-9]*,[0-9]+")

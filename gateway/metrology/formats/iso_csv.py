@@ -34,8 +34,7 @@ from gateway.metrology.formats.cells import (
 from gateway.metrology.formats.context import ReadingsContext, settled_axis, settled_units
 from gateway.metrology.formats.rows import Row, to_survey
 from gateway.metrology.readings import Survey
-from gateway.tabfile.fields import to_integer
-from gateway.tabfile.text import SourceText, shown
+from gateway.tabfile.text import SourceText, shown, to_integer
 
 NAME: Final = "iso-csv"
 TITLE: Final = "CSV with target, direction, run and reading, as ISO 230-2 lists them"

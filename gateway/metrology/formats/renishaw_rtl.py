@@ -33,8 +33,7 @@ from gateway.metrology.formats.cells import decimal
 from gateway.metrology.formats.context import ReadingsContext, Runs, settled_axis, settled_units
 from gateway.metrology.formats.rows import Row, to_survey
 from gateway.metrology.readings import Survey
-from gateway.tabfile.fields import to_integer
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.text import Line, SourceText, shown, to_integer
 
 NAME: Final = "renishaw-rtl"
 TITLE: Final = "Renishaw .rtl, deviations in µm, direction kept"

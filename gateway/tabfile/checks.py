@@ -1,16 +1,78 @@
-"""Does the range of a table fit the axis it is meant for? The checks that every dialect shares."""
+"""What every dialect checks of a file that it has read, against what was told and against the axis."""
 
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 from gateway.compensation.units import Units
-from gateway.tabfile.context import FileContext
-from gateway.tabfile.decoded import SourceRow
-from gateway.tabfile.findings import Lint, Severity
-from gateway.tabfile.options import HomeSide, to_tell
-from gateway.tabfile.readings import Reading, describe_both
+from gateway.tabfile.decoded import Lint, Severity, SourceRow
+from gateway.tabfile.options import ErrorSense, FileContext, HomeSide, choices, to_tell
 from gateway.tabfile.text import SourceText
+
+# --- Two meanings of one file, described and compared, so that a person can choose
+
+AS_THEY_STAND: Final = "positions as they stand"
+"""What the plain meaning of a file that states positions assumes."""
+_SHOWN_POINTS: Final = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One possible meaning: what it assumes and the points that follow, ascending."""
+
+    assumption: str
+    rows: Sequence[SourceRow]
+    units: Units
+
+    def describe(self) -> str:
+        """Say in one line what is assumed and where the points then lie."""
+        places = [f"{row.position:.6g}" for row in self.rows]
+        if len(places) > 2 * _SHOWN_POINTS:
+            places = [*places[:_SHOWN_POINTS], "…", *places[-_SHOWN_POINTS:]]
+        return f"{self.assumption}: {len(self.rows)} points at {', '.join(places)} {self.units.value}"
+
+
+def largest_difference(one: Sequence[SourceRow], other: Sequence[SourceRow]) -> tuple[float, float]:
+    """Return the largest difference between the corrections of two readings, and where it is.
+
+    Outside its points a reading holds its end value. Both are piecewise linear, so the largest difference
+    lies at a point of one of them.
+    """
+    places = sorted({row.position for row in (*one, *other)})
+    largest, where = 0.0, places[0]
+    for first, second in zip(_branches(one), _branches(other), strict=True):
+        for place in places:
+            difference = abs(_hold(*first, place) - _hold(*second, place))
+            if difference > largest:
+                largest, where = difference, place
+    return largest, where
+
+
+def describe_both(one: Reading, other: Reading) -> tuple[str, ...]:
+    """Return both readings in words, the second followed by how far they lie apart."""
+    largest, where = largest_difference(one.rows, other.rows)
+    unit = one.units.value
+    difference = f"; their corrections differ by at most {largest:.6g} {unit} (at {where:.6g})"
+    return (one.describe(), other.describe() + difference)
+
+
+def _branches(rows: Sequence[SourceRow]) -> tuple[tuple[list[float], list[float]], ...]:
+    positions = [row.position for row in rows]
+    return (positions, [row.forward for row in rows]), (positions, [row.backward for row in rows])
+
+
+def _hold(positions: list[float], corrections: list[float], place: float) -> float:
+    above = bisect_right(positions, place)
+    if above == 0:
+        return corrections[0]
+    if above == len(positions):
+        return corrections[-1]
+    share = (place - positions[above - 1]) / (positions[above] - positions[above - 1])
+    return corrections[above - 1] + share * (corrections[above] - corrections[above - 1])
+
+
+# --- Does the range of a table fit the axis it is meant for?
 
 MAX_EXCESS: Final = 0.2
 """A table may stick out of the travel by this fraction of it; beyond, a scale or a start is wrong."""
@@ -173,3 +235,58 @@ def _ends(reading: Reading) -> tuple[float, float]:
 
 def _overlap(first: float, last: float, low: float, high: float) -> float:
     return min(last, high) - max(first, low)
+
+
+# --- Files that state their positions, in the coordinates of the machine
+
+
+def check_stated(source: SourceText, rows: Sequence[SourceRow], units: Units, context: FileContext) -> None:
+    """Check stated positions against a told start and the travel, both in ``units``.
+
+    Raises:
+        TabFileError: the file starts elsewhere, misses the travel, or sticks far out of it.
+    """
+    check_start(source, rows, context)
+    reading = Reading(AS_THEY_STAND, rows, units)
+    check_own_range(source, reading, context, "a table of this axis, or the right travel")
+
+
+def is_closed(rows: Sequence[SourceRow]) -> bool:
+    """Whether both directions end with the value that they began with, as a full turn must."""
+    first, last = rows[0], rows[-1]
+    return first.forward_value == last.forward_value and first.backward_value == last.backward_value
+
+
+# --- The sense of the errors in a file: which of two readings its author meant
+
+RULES: Final = {
+    ErrorSense.ACTUAL_MINUS_COMMAND: "error = actual - commanded: subtracted",
+    ErrorSense.COMMAND_MINUS_ACTUAL: "error = commanded - actual: added as it stands",
+}
+"""How an error becomes the amount to add, in words."""
+_READINGS: Final = (
+    "actual_minus_command: an error of +0.01 means that the nut stands 0.01 too far, so 0.01 is taken off",
+    "command_minus_actual: an error of +0.01 means that the nut stands 0.01 short, so 0.01 is added",
+)
+
+
+def required_sense(
+    source: SourceText,
+    context: FileContext,
+    what: str,
+    why: str = "no manual says which sign its errors have",
+) -> ErrorSense:
+    """Return the sense of a file of which nothing proves it.
+
+    ``what`` names the kind of file, ``why`` says why the sense is asked for.
+
+    Raises:
+        TabFileError: nobody told it: both readings are shown.
+    """
+    if context.error_sense is None:
+        raise source.error(
+            f"{what}: {why}",
+            f"{choices('error_sense')}; one test move shows which is right",
+            readings=_READINGS,
+        )
+    return context.error_sense
