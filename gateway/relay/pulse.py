@@ -61,9 +61,8 @@ class Beats:
 class Pulse(Beats):
     """Beats on the loop, and calls everything in ``on_beat`` with each beat.
 
-    ``on_standstill`` is told, in ns, how long a beat was late that was worth it. A relay has one pulse, and
-    traffic stands for its beats: a process that wakes up for one finds its caches empty, which costs more
-    than all that it does then.
+    ``on_standstill`` is told, in ns, how long a beat was late that was worth it. A relay has one pulse.
+    Traffic counts as a beat and resets the timer, for a wake-up with empty caches costs more than the beat.
     """
 
     __slots__ = ("_on_standstill", "_timer", "on_beat")

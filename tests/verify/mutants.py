@@ -45,7 +45,7 @@ FILES: Final = (
 KEPT: Final = ROOT / "build" / "mutants"
 EXPLAINED: Final = Path(__file__).with_name("mutants_explained.toml")
 ROUNDS: Final = (0.1, 0.5)
-"""Seconds of each world in the rounds before the last: most mutants are noticed at once somewhere."""
+"""Seconds of each world in the first rounds: these kill most mutants."""
 SECONDS: Final = 1.5
 """The same in the last round. Half of each are walked breadth first, half at random."""
 REACH_SECONDS: Final = 2.0
