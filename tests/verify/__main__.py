@@ -18,7 +18,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from hashlib import blake2b
 
 from gateway.compiled import is_compiled
-from tests.verify.designs import BY_NAME, CLOSES
+from tests.verify.designs import BY_NAME, CLOSES, CLOSES_LATER
 from tests.verify.explore import Outcome, as_test
 from tests.verify.running import walked, wandered
 from tests.verify.sometimes import missing
@@ -27,12 +27,15 @@ EXAMPLES = """examples:
   python -m tests.verify                               every world, as make verify does
   python -m tests.verify direct --seconds 60           one world, for a minute
   python -m tests.verify staged --depth 9 --random 0   all traces of up to nine events, nothing else
+  python -m tests.verify --later                       those that take minutes to close
   python -m tests.verify --list                        what there is
 """
 SECONDS = 2.5
 """Of the processor, for each world that does not close: a run takes 30 minutes on two cores at most."""
 LONGEST_S = 300.0
 """So long a world may take to close, which takes a minute at most where this was written."""
+LATER_S = 3600.0
+"""The same of those that are walked with ``--later``."""
 RANDOM_STEPS = 10_000_000
 JOBS = 2
 
@@ -74,6 +77,7 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--broken", type=int, default=1, metavar="N", help="go on until N rules are broken (%(default)s)"
     )
+    parser.add_argument("--later", action="store_true", help="the worlds that take minutes to close")
     parser.add_argument("--list", action="store_true", help="say what worlds there are")
     found = parser.parse_args(arguments)
     unknown = sorted(set(found.worlds) - set(BY_NAME))
@@ -89,14 +93,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for design in BY_NAME.values():
             print(f"{design.name:24} {design.about}")
         return 0
-    names = asked.worlds or list(BY_NAME)
+    names = asked.worlds or [name for name in BY_NAME if (name in CLOSES_LATER) is asked.later]
     outcomes: dict[str, Outcome] = {}
     context = multiprocessing.get_context("forkserver")  # imports once, and not once for each world
     context.set_forkserver_preload(["tests.verify.running"])
     with ProcessPoolExecutor(asked.jobs, mp_context=context, max_tasks_per_child=1) as pool:
         waiting = []
         for name in names:
-            seconds = asked.seconds or (LONGEST_S if name in CLOSES else SECONDS)
+            seconds = asked.seconds or (
+                LONGEST_S if name in CLOSES else LATER_S if name in CLOSES_LATER else SECONDS
+            )
             waiting.append(pool.submit(walked, name, asked.depth, seconds, 0, asked.broken))
         print(HEAD)
         for each in as_completed(waiting):
@@ -115,7 +121,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             outcome = outcomes[each.result().world]
             outcome.add(each.result())
             _tell(outcome)
-    return _sum_up(list(outcomes.values()), is_whole=not (asked.worlds or asked.depth))
+    return _sum_up(
+        list(outcomes.values()),
+        is_whole=not (asked.worlds or asked.depth or asked.later),
+        should_close=frozenset() if asked.depth or asked.seconds else CLOSES | CLOSES_LATER,
+    )
 
 
 def shared_out(steps: int, rates: Sequence[float]) -> list[int]:
@@ -131,7 +141,7 @@ def _tell(outcome: Outcome) -> None:
         print(as_test(BY_NAME[outcome.world], broken), flush=True)
 
 
-def _sum_up(outcomes: Sequence[Outcome], *, is_whole: bool) -> int:
+def _sum_up(outcomes: Sequence[Outcome], *, is_whole: bool, should_close: frozenset[str]) -> int:
     """Print what all walks together have shown; return the exit code."""
     met = sorted({name for outcome in outcomes for name in outcome.met})
     print(f"longest wait of a stop: {max(outcome.stop_ticks for outcome in outcomes)} ticks of 80 ms")
@@ -149,9 +159,7 @@ def _sum_up(outcomes: Sequence[Outcome], *, is_whole: bool) -> int:
     )
     print(f"the gateway is {'compiled' if is_compiled() else 'not compiled'}")
     unmet = missing(met) if is_whole else []
-    still_open = (
-        sorted(o.world for o in outcomes if o.world in CLOSES and not o.is_closed) if is_whole else []
-    )
+    still_open = sorted(o.world for o in outcomes if o.world in should_close and not o.is_closed)
     if still_open:
         print(f"did not close, and should have ({len(still_open)}): {', '.join(still_open)}")
     if is_compiled():

@@ -7,7 +7,7 @@ from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, Re
 from tests.exchange.line_bench import axis_plan
 from tests.exchange.staged_bench import BITS, COMMANDED, STAGED
 from tests.verify import designs_frames, designs_mutants
-from tests.verify.designs_pairs import TWO_AT_ONCE, pair_world
+from tests.verify.designs_pairs import LARGER, TWO_AT_ONCE, pair_world
 from tests.verify.designs_rules import SETTLE, ask
 from tests.verify.designs_rules import designs as designs_of_rules
 from tests.verify.screw import WORN
@@ -385,7 +385,14 @@ CLOSING: Final = (
         targets=(9007,),
         checks_way_back=False,
     ),
-    _small("s-falls", "done falls late", menu=("to", "status"), happenings=(*TIME, "undone")),
+    _small(
+        "s-falls",
+        "done falls late",
+        _plan(done_drop_ms=2.0 * TICK_MS),
+        menu=("to", "status"),
+        happenings=(*TIME, "undone"),
+        drop_ticks=2,
+    ),
     _small(
         "s-falls-read",
         "the same, and read; one target",
@@ -1093,9 +1100,11 @@ PAIRS: Final = (
     _pair(
         "p-run-status",
         "triggered, stopped, done falls late",
+        _staged(done_drop_ms=2.0 * TICK_MS),
         menu=("to", "run", "stop", "status"),
         is_triggered=True,
         happenings=(*TIME, "undone"),
+        drop_ticks=2,
     ),
     _pair("p-stop-read", "stopped and read", menu=("to", "run", "stop", "read"), is_triggered=True),
     _pair(
@@ -1203,8 +1212,10 @@ PAIRS: Final = (
     _pair(
         "p-back-status",
         "its register read back, done falls late",
+        _plan(done_drop_ms=2.0 * TICK_MS),
         menu=("to", "back", "status"),
         happenings=(*TIME, "undone"),
+        drop_ticks=2,
     ),
     _pair("p-table-silent", "another table, silent", is_silent=True, happenings=(*TIME, "table")),
     _pair("p-gain-silent", "half a gain, silent", is_silent=True, happenings=(*TIME, "gain")),
@@ -1213,7 +1224,8 @@ PAIRS: Final = (
 )
 """Two families of events at once, where no other world that closes has them."""
 MADE: Final = tuple(pair_world(one, other, _plan, _staged, HOMED_TOO) for one, other in TWO_AT_ONCE)
-BY_NAME: Final = {design.name: design for design in (*CLOSING, *PAIRS, *MADE, *DESIGNS)}
+LATER: Final = tuple(pair_world(one, other, _plan, _staged, HOMED_TOO) for one, other in LARGER)
+BY_NAME: Final = {design.name: design for design in (*CLOSING, *PAIRS, *MADE, *DESIGNS, *LATER)}
 _CLOSE: Final = """
     b-requests b-rtu b-rtu-cut b-rtu-cut-back b-rtu-cut-both b-rtu-cut-early-ends b-rtu-cut-stuck
     b-rtu-late-size b-rtu-odd b-rtu-pairs b-rtu-replies p-answers p-back-jog p-back-status s-back
@@ -1226,3 +1238,5 @@ _CLOSE: Final = """
 """
 CLOSES: Final = frozenset((*_CLOSE.split(), *(design.name for design in MADE)))
 """Worlds that ``make verify`` walks until nothing is new: each takes a minute at most."""
+CLOSES_LATER: Final = frozenset(design.name for design in LATER)
+"""Worlds that take longer to close: ``make verify`` leaves them out, ``--later`` walks them."""

@@ -40,6 +40,8 @@ COMPANIONS: Final[dict[str, tuple[str, ...]]] = {
     "late": (SILENCE,),
 }
 """Without these nothing would come of the one."""
+MOVING: Final = frozenset(("arrive", "arrive_undone"))
+"""What happens to an axis that was sent somewhere."""
 STAGED: Final = frozenset(("run", "stop", "by", "distance", "low", "high", "home", "zero"))
 
 
@@ -66,12 +68,10 @@ TWO_AT_ONCE: Final = (
     ("back", "silence"),
     ("creep", "done"),
     ("creep", "jog"),
-    ("creep", "obey"),
     ("creep", "read"),
     ("disconnect", "refuse"),
     ("distance", "obey"),
     ("done", "jog"),
-    ("done", "obey"),
     ("gain", "obey"),
     ("gain", "switch"),
     ("gain", "table"),
@@ -92,7 +92,6 @@ TWO_AT_ONCE: Final = (
     ("obey", "obey-refuse"),
     ("obey", "read"),
     ("obey", "refuse"),
-    ("obey", "stop"),
     ("obey", "switch"),
     ("obey", "table"),
     ("obey", "undone"),
@@ -110,6 +109,51 @@ TWO_AT_ONCE: Final = (
     ("switch", "table"),
 )
 """Pairs that are in no other world that closes."""
+LARGER: Final = (
+    ("arrive", "by"),
+    ("arrive", "distance"),
+    ("arrive", "late"),
+    ("arrive_undone", "silence"),
+    ("blink", "silence"),
+    ("by", "run"),
+    ("by", "silence"),
+    ("by", "stop"),
+    ("by", "to"),
+    ("creep", "obey"),
+    ("creep", "silence"),
+    ("disconnect", "run"),
+    ("disconnect", "silence"),
+    ("disconnect", "stop"),
+    ("distance", "run"),
+    ("distance", "silence"),
+    ("distance", "stop"),
+    ("distance", "to"),
+    ("done", "obey"),
+    ("done", "refuse"),
+    ("done", "silence"),
+    ("gain", "silence"),
+    ("garble", "late"),
+    ("jog", "silence"),
+    ("kill", "silence"),
+    ("late", "obey"),
+    ("late", "obey-refuse"),
+    ("late", "refuse"),
+    ("late", "to"),
+    ("obey", "stop"),
+    ("plug", "run"),
+    ("plug", "silence"),
+    ("read", "stop"),
+    ("refuse", "stop"),
+    ("run", "silence"),
+    ("run", "unplug"),
+    ("run", "zero"),
+    ("silence", "stop"),
+    ("silence", "switch"),
+    ("silence", "table"),
+    ("silence", "undone"),
+    ("silence", "unplug"),
+)
+"""The same, and the smallest world that has both takes longer than a minute to close."""
 
 
 def pair_world(
@@ -126,12 +170,17 @@ def pair_world(
     if not names.intersection(("to", "by", "low")):
         names.add("to")
     is_staged = not names.isdisjoint(STAGED)
+    if is_staged and names & MOVING and not names & {"run", "distance"}:
+        names.add("run")  # without it such a drive goes nowhere
     changes: dict[str, Any] = {}  # of the axis
     options: dict[str, Any] = {}  # of the world
     if names & {"home", "zero"}:
         changes |= {"referenced": Reference.HOMING, "bits": bits}
     if "by" in names:
         changes["travel"] = (-12.0, 12.0)
+    if "undone" in names:
+        changes["done_drop_ms"] = 2.0 * TICK_MS
+        options["drop_ticks"] = 2  # a tick of it is over when the answer is heard
     if "disconnect" in names:
         options |= {"is_serial": False, "most_asked": 2}
     if "late" in names:

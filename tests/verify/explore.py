@@ -25,6 +25,7 @@ BY_A_PERSON: Final = frozenset({"declare", "switch", "end_dry_run"})
 UNKIND: Final = frozenset({"refuse", "obey", "obey-refuse", "garble"})
 SETTLE: Final = ("settle",)
 """On a way: the drive acknowledges until nothing is on the wire any more."""
+DEAD_END: Final = "nothing can happen any more: a world with an end proves less than it seems to (10)"
 MOST_STEPS: Final = 200
 RANDOM_STEPS: Final = 60
 """Of one random walk, before the next one begins."""
@@ -111,6 +112,7 @@ class Walk:
         self._note(world.key(first), -1, 0)
         level: list[tuple[Kept, int]] = [(first, 0)]
         following: list[tuple[Kept, int]] = []
+        tried: set[Happening] = set()
         is_out_of_time = False
         checks_way_back = world.design.checks_way_back
         from_, to = self._edges_from, self._edges_to
@@ -122,7 +124,11 @@ class Walk:
                     is_out_of_time = True
                     break
                 world.restore(kept)
-                for event in world.happenings():
+                happenings = world.happenings()
+                if not happenings and self._is_enough(DEAD_END, self._trace(number)):
+                    is_out_of_time = True
+                tried.update(happenings)
+                for event in happenings:
                     world.restore(kept)
                     outcome.transitions += 1
                     try:
@@ -150,6 +156,7 @@ class Walk:
                 level, following = following, []
         outcome.states = len(parents)
         outcome.is_closed = not level and not following
+        self._check_all_tried(tried)
         self._check_way_back()
         outcome.seconds += time.process_time() - began
         self._sum_up()
@@ -206,10 +213,13 @@ class Walk:
             if step % RANDOM_STEPS == 0:
                 world.restore(first, is_live_known=False)
                 trace = []
-            event = random.choice(world.happenings())
-            trace.append(event)
             outcome.random_steps += 1
             try:
+                happenings = world.happenings()
+                if not happenings:
+                    raise BrokenRuleError(DEAD_END)
+                event = random.choice(happenings)
+                trace.append(event)
                 world.happen(event)
             except BrokenRuleError as violation:
                 if self._is_enough(str(violation), tuple(trace)):
@@ -242,6 +252,15 @@ class Walk:
         if self._whats[kind] == 1:
             self.outcome.broken.append(Broken(what, trace))
         return len(self.outcome.broken) >= self._most_broken
+
+    def _check_all_tried(self, tried: set[Happening]) -> None:
+        """Look whether all that a closed world declares can happen in it: else it proves too little."""
+        design, outcome = self.world.design, self.outcome
+        if outcome.is_closed and not outcome.broken:
+            missing = {*design.menu, *design.answers, *design.happenings}.difference(*tried)
+            if missing:
+                what = f"declared, and can never happen: {', '.join(sorted(missing))} (10)"
+                outcome.broken.append(Broken(what, ()))
 
     def _check_way_back(self) -> None:
         """Look whether every state has a way to one in which all is as it should be (6)."""

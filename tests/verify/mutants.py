@@ -4,10 +4,11 @@ Each mutant (``breaking``) is loaded in a process of its own, in place of the fi
 small worlds that run through the broken place are walked until one of them breaks a rule, or for so long. No
 other test is asked. A trace that breaks a rule on the gateway as it is too counts for nothing.
 
-Verdicts are kept in a file, by a digest of the method that was broken: a run that was stopped goes on where
-it was, and after a change only the mutants of changed methods are tried. Mutants are tried in an order that
-is drawn by lot from their names, so the first hundred are a sample of all. What survives has to be explained,
-in ``mutants_explained.toml``.
+Verdicts are kept in ``mutants_verdicts.tsv``, by a digest of the method that was broken: a run that was
+stopped goes on where it was, and after a change only the mutants of changed methods are tried. Mutants are
+tried in an order that is drawn by lot from their names, so the first hundred are a sample of all. A first run
+asks some worlds of each mutant (``--most-worlds``); what survives these is tried with all of them later
+(``--again``). What survives then has to be explained, in ``mutants_explained.toml``.
 """
 
 import argparse
@@ -23,7 +24,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
@@ -42,7 +43,8 @@ FILES: Final = (
     ),
 )
 """What decides a move, and whether a frame leaves."""
-KEPT: Final = ROOT / "build" / "mutants"
+KEPT: Final = Path(__file__).with_name("mutants_verdicts.tsv")
+REACH: Final = ROOT / "build" / "mutants" / "reach.jsonl"
 EXPLAINED: Final = Path(__file__).with_name("mutants_explained.toml")
 ROUNDS: Final = (0.1, 0.5)
 """Seconds of each world in the first rounds: these kill most mutants."""
@@ -57,6 +59,8 @@ ENDLESS: Final = 1_000_000_000
 EXAMPLES: Final = """examples:
   python -m tests.verify.mutants --most 90                 a sample of ninety
   python -m tests.verify.mutants --minutes 140             as many as that, then go on another day
+  python -m tests.verify.mutants --most-worlds 24          of each only so many worlds, the likeliest first
+  python -m tests.verify.mutants --again                   then what survived, with all worlds
   python -m tests.verify.mutants --summary                 what is known by now
   python -m tests.verify.mutants gateway/exchange/turns.py --list
   python -m tests.verify.mutants --named turns:Turns.take --again
@@ -75,11 +79,29 @@ class Verdict:
     how: str = ""
     worlds: int = 0
     """That run through the broken place."""
+    asked: int = 0
+    """So many of them were walked."""
     walked_s: float = 0.0
     """How long each of them was walked in the last round."""
     seconds: float = 0.0
     misled: int = 0
     """Worlds that broke a rule, and do so without the mutant too: they count for nothing."""
+
+    @property
+    def row(self) -> str:
+        """What is kept of it: one row of the file of verdicts."""
+        if self.is_killed:
+            return f"{self.digest}\tkilled\t{self.world}\n"
+        return f"{self.digest}\tsurvived\t{self.asked}\t{self.worlds}\t{self.walked_s:g}\n"
+
+    @classmethod
+    def of_row(cls, row: str, name: str, line: int) -> "Verdict":
+        """Return what was kept of a mutant."""
+        digest, fate, *rest = row.rstrip("\n").split("\t")
+        if fate == "killed":
+            return cls(digest, name, line, is_killed=True, world=rest[0])
+        asked, worlds, walked_s = rest
+        return cls(digest, name, line, worlds=int(worlds), asked=int(asked), walked_s=float(walked_s))
 
 
 class _Finder:
@@ -135,7 +157,8 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> 
 def judged(mutant: Mutant, worlds: Sequence[str], seconds: float) -> Verdict:
     """Find out whether the worlds notice a mutant."""
     began = time.monotonic()
-    verdict = Verdict(mutant.digest, mutant.name, mutant.line, worlds=len(worlds), walked_s=seconds)
+    count = len(worlds)
+    verdict = Verdict(mutant.digest, mutant.name, mutant.line, worlds=count, asked=count, walked_s=seconds)
     if not worlds:
         verdict.how = "no world runs through it"
         return verdict
@@ -206,8 +229,8 @@ def breaks_unbroken(world: str, how: str, trace: tuple[Any, ...]) -> bool:
     return broken_by(world_of(BY_NAME[world]), trace) is not None
 
 
-def lines_run(world: str) -> dict[str, list[int]]:
-    """Walk a world and return the lines of each file that it runs through, those of its start among them."""
+def lines_run(world: str) -> tuple[str, dict[str, list[int]]]:
+    """Walk a world and return its name and the lines of each file that it runs through, from its start on."""
     files = {str(path): str(path.relative_to(ROOT)) for path in FILES}
     met: dict[str, set[int]] = {file: set() for file in files}
 
@@ -231,25 +254,33 @@ def lines_run(world: str) -> dict[str, list[int]]:
         walked(world, 0, REACH_SECONDS / 2, ENDLESS, 1)
     finally:
         sys.settrace(None)
-    return {files[file]: sorted(lines) for file, lines in met.items() if lines}
+    return world, {files[file]: sorted(lines) for file, lines in met.items() if lines}
 
 
 class Reach:
-    """Which worlds run through a line: found out once for each state of the files, and kept."""
+    """Which worlds run through a line: found out once for each state of the files, and kept by world."""
 
     def __init__(self, names: Sequence[str], path: Path, jobs: int) -> None:
         here = Path(__file__).parent.glob("*.py")
         sources = sorted((*FILES, *(each for each in here if each.stem not in ("mutants", "breaking"))))
-        digest = sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
-        kept = json.loads(path.read_text()) if path.exists() else {}
-        if kept.get("digest") != digest:
-            kept = {"digest": digest, "lines": dict(_all_lines(names, jobs))}
+        digest = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
+        rows = path.read_text().splitlines() if path.exists() else []
+        if rows[:1] != [digest]:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(kept))
-        self._lines: dict[str, dict[str, set[int]]] = {
-            world: {file: set(lines) for file, lines in by_file.items()}
-            for world, by_file in kept["lines"].items()
-        }
+            path.write_text(f"{digest}\n")
+            rows = [digest]
+        self._lines: dict[str, dict[str, set[int]]] = {}
+        for row in rows[1:]:
+            self._take(*json.loads(row))
+        left = [name for name in names if name not in self._lines]
+        with path.open("a") as kept:
+            for found in _all_lines(left, jobs):
+                kept.write(f"{json.dumps(found)}\n")
+                kept.flush()
+                self._take(*found)
+
+    def _take(self, world: str, by_file: dict[str, list[int]]) -> None:
+        self._lines[world] = {file: set(lines) for file, lines in by_file.items()}
 
     def worlds(self, mutant: Mutant) -> list[str]:
         """Return the worlds that run through the place of a mutant; of a table every world that there is."""
@@ -262,17 +293,17 @@ class Reach:
 def _all_lines(names: Sequence[str], jobs: int) -> Iterator[tuple[str, dict[str, list[int]]]]:
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=1) as pool:
-        for count, (name, lines) in enumerate(zip(names, pool.map(lines_run, names), strict=True)):
+        for count, found in enumerate(pool.map(lines_run, names)):
             if not count % 25:
                 print(f"which lines does a world run through? {count} of {len(names)}", file=sys.stderr)
-            yield name, lines
+            yield found
 
 
 class Judge:
     """Tries one mutant after the other. Worlds that have killed others of the same method go first."""
 
-    def __init__(self, reach: Reach, seconds: float, verdicts: Iterable[Verdict]) -> None:
-        self._reach, self._seconds = reach, seconds
+    def __init__(self, reach: Reach, seconds: float, most_worlds: int, verdicts: Iterable[Verdict]) -> None:
+        self._reach, self._seconds, self._most_worlds = reach, seconds, most_worlds
         self._kills: Counter[str] = Counter()
         self._by_unit: Counter[tuple[str, str]] = Counter()
         self._before: dict[str, str] = {}
@@ -293,7 +324,9 @@ class Judge:
         def likely(world: str) -> tuple[bool, int, int]:
             return world != before, -self._by_unit[unit, world], -self._kills[world]
 
-        verdict = judged(mutant, sorted(self._reach.worlds(mutant), key=likely), self._seconds)
+        worlds = sorted(self._reach.worlds(mutant), key=likely)
+        verdict = judged(mutant, worlds[: self._most_worlds or None], self._seconds)
+        verdict.worlds = len(worlds)
         self.note(verdict)
         return verdict
 
@@ -303,9 +336,9 @@ def _unit_of(name: str) -> str:
 
 
 def _all_worlds() -> tuple[str, ...]:
-    from tests.verify.designs import BY_NAME
+    from tests.verify.designs import BY_NAME, CLOSES_LATER
 
-    return tuple(BY_NAME)
+    return tuple(name for name in BY_NAME if name not in CLOSES_LATER)
 
 
 def by_lot(mutants: Iterable[Mutant]) -> list[Mutant]:
@@ -313,11 +346,21 @@ def by_lot(mutants: Iterable[Mutant]) -> list[Mutant]:
     return sorted(mutants, key=lambda mutant: sha256(mutant.name.encode()).digest())
 
 
-def kept_verdicts(path: Path) -> dict[str, Verdict]:
-    """Return what is known, by digest: of each mutant the last verdict."""
-    lines = path.read_text().splitlines() if path.exists() else []
-    verdicts = (Verdict(**json.loads(line)) for line in lines)
-    return {verdict.digest: verdict for verdict in verdicts}
+def kept_verdicts(mutants: Iterable[Mutant], path: Path = KEPT) -> dict[str, Verdict]:
+    """Return what is known of mutants, by digest: of each the last verdict."""
+    by_digest = {mutant.digest: mutant for mutant in mutants}
+    found: dict[str, Verdict] = {}
+    for row in path.read_text().splitlines() if path.exists() else ():
+        mutant = by_digest.get(row.partition("\t")[0])
+        if mutant is not None:
+            found[mutant.digest] = Verdict.of_row(row, mutant.name, mutant.line)
+    return found
+
+
+def tidy(path: Path = KEPT) -> None:
+    """Write the verdicts anew, without those on mutants that are no more."""
+    verdicts = kept_verdicts((mutant for file in FILES for mutant in mutants_of(file)), path)
+    path.write_text("".join(sorted(verdict.row for verdict in verdicts.values())))
 
 
 class Reasons:
@@ -379,7 +422,9 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="mutants at a time (%(default)s)")
     parser.add_argument("--again", action="store_true", help="try what survived before once more")
-    parser.add_argument("--kept", type=Path, default=KEPT, metavar="DIR", help="verdicts (build/mutants)")
+    parser.add_argument(
+        "--most-worlds", type=int, default=0, metavar="N", help="of each mutant, the likeliest first (all)"
+    )
     parser.add_argument("--summary", action="store_true", help="say what is known, and what is unexplained")
     parser.add_argument("--list", action="store_true", help="say what mutants there are")
     asked = parser.parse_args(arguments)
@@ -398,39 +443,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for mutant in mutants:
             print(f"{mutant.file}:{mutant.line}: {mutant.name}")
         return 0
-    path = asked.kept / "verdicts.jsonl"
-    verdicts = kept_verdicts(path)
+    verdicts = kept_verdicts(mutants)
     if not asked.summary:
         drawn = by_lot(mutants)[: asked.most or None]
         left = [
             mutant
             for mutant in drawn
-            if (known := verdicts.get(mutant.digest)) is None
-            or (not known.is_killed and (asked.again or known.walked_s < asked.seconds))
+            if (known := verdicts.get(mutant.digest)) is None or (asked.again and not known.is_killed)
         ]
         print(f"{len(left)} of {len(drawn)} mutants are to be tried", file=sys.stderr)
         if left:
-            reach = Reach(asked.worlds or _all_worlds(), asked.kept / "reach.json", asked.jobs)
-            _try_all(left, Judge(reach, asked.seconds, verdicts.values()), asked, path)
-        verdicts = kept_verdicts(path)
+            reach = Reach(asked.worlds or _all_worlds(), REACH, asked.jobs)
+            _try_all(left, Judge(reach, asked.seconds, asked.most_worlds, verdicts.values()), asked)
+            tidy()
+        verdicts = kept_verdicts(mutants)
         mutants = drawn
     print(summary(mutants, verdicts))
     return _tell_unexplained(mutants, verdicts)
 
 
-def _try_all(mutants: Sequence[Mutant], judge: Judge, asked: argparse.Namespace, path: Path) -> None:
+def _try_all(mutants: Sequence[Mutant], judge: Judge, asked: argparse.Namespace) -> None:
     """Judge mutants two at a time, and keep each verdict as it falls."""
     until = time.monotonic() + asked.minutes * 60.0 if asked.minutes else float("inf")
 
     def judge_in_time(mutant: Mutant) -> Verdict | None:
         return judge(mutant) if time.monotonic() < until else None
 
-    with ThreadPoolExecutor(asked.jobs) as pool, path.open("a") as kept:
+    with ThreadPoolExecutor(asked.jobs) as pool, KEPT.open("a") as kept:
         for done in as_completed([pool.submit(judge_in_time, mutant) for mutant in mutants]):
             verdict = done.result()
             if verdict is None:
                 continue
-            kept.write(json.dumps(asdict(verdict)) + "\n")
+            kept.write(verdict.row)
             kept.flush()
             fate = f"killed in {verdict.world or 'no world'}" if verdict.is_killed else "SURVIVED"
             print(f"{fate:26} {verdict.seconds:5.1f} s  {verdict.name} (line {verdict.line})", flush=True)

@@ -689,7 +689,8 @@ class World:
                 found += [("drive", each) for each in BEFORE if each in design.answers]
         if state.late is not None and "late" in design.happenings:
             found.append(("late",))
-        waits = design.is_answered and state.wire is not None
+        # A drive that always answers does so before time passes; one that has obeyed in silence has answered.
+        waits = design.is_answered and state.wire is not None and not state.wire.is_obeyed
         for number, axis in enumerate(state.axes):
             found += [
                 (each, number)
