@@ -2,7 +2,7 @@
 
 It keeps the manners of the gateway's own drive side: the silence that a drive wants before each request, and
 after a time-out on a line without transaction ids a silence so long that no late reply is taken for another.
-Nothing is ever sent twice. Why it is not pymodbus's: docs/decisions/0030.
+Nothing is ever sent twice. Why it is not pymodbus's: docs/decisions/0032.
 """
 
 import asyncio
