@@ -110,10 +110,9 @@ class AxisSection(StrictModel):
         description="a drive profile",
         json_schema_extra=documented(
             meaning=(
-                'a profile that comes with the gateway (`"oriental-az"`; `pitch-gateway '
-                'drives` lists them), or a file of your own (`"./my-drive.toml"`, '
-                "relative to this file); see [drives.md](drives.md). Warned of: a line of "
-                "a kind that the drive does not have"
+                'a profile that comes with the gateway (`"oriental-az"`; `pitch-gateway drives` lists '
+                'them), or a file (`"./my-drive.toml"`, relative to this file); see '
+                "[drives.md](drives.md). Warned of: a kind of line that the drive does not have"
             ),
             kind="name or path",
         ),
@@ -162,9 +161,9 @@ class AxisSection(StrictModel):
         description="travel of one turn of its screw, in units",
         json_schema_extra=documented(
             meaning=(
-                "travel of one turn of its screw. `measure` takes random targets over it, "
-                "warns of targets that meet the screw always at one angle, and looks for "
-                "an error that repeats once and twice a turn"
+                "travel of one turn of its screw. `measure` spreads random targets over it, warns of "
+                "targets that always meet one angle of the screw, and looks for an error that repeats "
+                "once and twice a turn"
             ),
             default="none: not looked for",
         ),
@@ -174,10 +173,9 @@ class AxisSection(StrictModel):
         description="name of its table file",
         json_schema_extra=documented(
             meaning=(
-                "table file in the tables folder, in any case of letters, without a path. "
-                "A file that was renamed to `.bak`, or taken away while the gateway runs, "
-                "is switched off: the axis is not corrected. Without touching the file: "
-                "`compensation`"
+                "table file in the tables folder, in any case of letters, without a path. A file that "
+                "is renamed to `.bak`, or taken away while the gateway runs, switches the correction "
+                "off; so does `compensation`, without touching the file"
             ),
             kind="file name",
             default="none: 1:1",
@@ -193,10 +191,9 @@ class AxisSection(StrictModel):
         description="on, shadow or off",
         json_schema_extra=documented(
             meaning=(
-                "`on` corrects. `shadow` computes and shows corrections and passes "
-                "positions unchanged: begin with it. `off` does neither. Write the key: "
-                "where an axis with a table leaves it out, the axis is corrected, and "
-                "`check` and each start warn"
+                "`on` corrects. `shadow` computes and shows corrections and passes positions "
+                "unchanged: begin with it. `off` does neither. Write the key: an axis with a table "
+                "that leaves it out is corrected, and `check` and each start warn"
             )
         ),
     )
@@ -234,12 +231,10 @@ class AxisSection(StrictModel):
         description="smallest reversal of a stream; jitter of measured positions",
         json_schema_extra=documented(
             meaning=(
-                "`stream`: smallest motion that is a reversal; the setpoint has to come "
-                "back by as much before the branch changes. `targets`: every target that "
-                "differs from the last one is a motion in its direction, however short it "
-                "is; `hysteresis` is only how far a measured position may lie beside "
-                "another and still be the same place. Refused when as long as travel or "
-                "table"
+                "`stream`: how far the setpoint must come back before the branch changes. `targets`: "
+                "how far a measured position may lie beside another and still be the same place; "
+                "every different target counts as a motion, however short. Refused if as long as "
+                "travel or table"
             ),
             default=("2 counts, or 2 steps of registers that tell less than a count, at least 0.001 mm"),
         ),
@@ -249,10 +244,9 @@ class AxisSection(StrictModel):
         description="distance from its target within which an axis has arrived",
         json_schema_extra=documented(
             meaning=(
-                "an axis whose actual position lies within this of its last target has "
-                "arrived there, once its done bit says so; one that nobody has seen for "
-                "`unseen_ms` and that is found within it stands where it was sent. Never "
-                "less than `hysteresis`"
+                "an axis has arrived if its done bit says so and its actual position is within this "
+                "of its target. One that was not seen for `unseen_ms` and is within it is still at "
+                "its target. Never less than `hysteresis`"
             ),
             default="`0.02` mm",
         ),
@@ -262,9 +256,8 @@ class AxisSection(StrictModel):
         description="counts by which a target may differ from the last one and keep its branch",
         json_schema_extra=documented(
             meaning=(
-                "`targets`: counts by which a target may differ from the last one and "
-                "still be taken for the same with the noise of whoever resends it: it "
-                "keeps its branch. An event (`branch-hunts`) tells of a branch that "
+                "`targets`: counts by which a target may differ from the last one and still be a "
+                "noisy repeat, which keeps its branch. The event `branch-hunts` reports a branch that "
                 "changes more than five times in ten seconds"
             ),
             kind="counts ≥ 0",
@@ -350,9 +343,8 @@ class AxisSection(StrictModel):
         description="microseconds that the gateway itself may take for one exchange",
         json_schema_extra=documented(
             meaning=(
-                "what the gateway itself may take for one exchange of this axis: from the "
-                "last byte in to the first byte out, of the request and of the reply "
-                "together. Wires and drives are not in it"
+                "the gateway's own time for one exchange of this axis, request and reply together: "
+                "from the last byte in to the first byte out, without wires and drives"
             )
         ),
     )
@@ -361,8 +353,8 @@ class AxisSection(StrictModel):
         description="age in milliseconds at which a target or its trigger is late",
         json_schema_extra=documented(
             meaning=(
-                "age at which a target or its trigger is late, counted from its last byte "
-                "from the controller to its first byte to the drive. A stop is never late"
+                "age at which a target or its trigger is late: from its last byte from the controller "
+                "to its first byte to the drive. A stop is never late"
             ),
             default="none",
         ),
@@ -372,9 +364,8 @@ class AxisSection(StrictModel):
         description="what happens to a late target",
         json_schema_extra=documented(
             meaning=(
-                "what happens to a late target: it goes all the same, because a move must "
-                "not end short; or it is refused, because a stale setpoint is worse than "
-                "none. Refused without `deadline_ms`"
+                "a late target goes all the same, because a move must not end short; or it is "
+                "refused, because a stale setpoint is worse than none. Refused without `deadline_ms`"
             ),
             default='`"forward"` with `setpoints = "targets"`, `"reject"` with `"stream"`',
         ),
@@ -384,8 +375,8 @@ class AxisSection(StrictModel):
         description="writes to unmapped positions",
         json_schema_extra=documented(
             meaning=(
-                "what happens to writes to `position_like` registers while the axis is "
-                "corrected: exception 2, or they pass as they are"
+                "writes to `position_like` registers while the axis is corrected: exception 2, or "
+                "they pass as they are"
             )
         ),
     )
@@ -394,10 +385,8 @@ class AxisSection(StrictModel):
         description="moves kept by the drive",
         json_schema_extra=documented(
             meaning=(
-                "what happens to moves to positions that the drive keeps, and to triggers "
-                "of targets that were not written through the gateway, whatever kind of "
-                "move they are: exception 4, or they run as they are and the axis is "
-                "flagged"
+                "moves to positions that the drive keeps, and triggers of targets that did not pass "
+                "through the gateway: exception 4, or they run as they are and the axis is flagged"
             )
         ),
     )
@@ -406,8 +395,7 @@ class AxisSection(StrictModel):
         description="relative moves from an unknown place",
         json_schema_extra=documented(
             meaning=(
-                "what happens to distances from a place that nobody knows: exception 6, "
-                "or they pass as they are and are reported"
+                "distances from an unknown place: exception 6, or they pass as they are and are reported"
             )
         ),
     )
@@ -416,11 +404,10 @@ class AxisSection(StrictModel):
         description="silence in milliseconds after which the drive may have been switched off",
         json_schema_extra=documented(
             meaning=(
-                "a drive that left requests unanswered for longer than this, from the "
-                "first to the last of them, may have been switched off: base, modes and "
-                "registers are forgotten, never the words of a place that was proved, and "
-                "`referenced` has to be shown again. Its last target keeps its words only "
-                "where a reading shows the axis there. One lost reply is no silence"
+                "a drive that left requests unanswered for longer than this, from the first to the "
+                "last, may have been switched off. Base, modes and registers are forgotten, and "
+                "`referenced` has to be shown again. Its last target keeps its words only if a "
+                "reading shows the axis there. One lost reply is no silence"
             )
         ),
     )
@@ -429,12 +416,11 @@ class AxisSection(StrictModel):
         description="time in milliseconds without a word of the axis after which it is looked at again",
         json_schema_extra=documented(
             meaning=(
-                "`targets`: where neither the axis was read nor a command sent to it for "
-                "longer than this, its actual position is read once before the next "
-                "target, repeat or distance: somebody may have jogged it at the drive's "
-                "own panel. That read does not count towards `deadline_ms`. A status bit "
-                "keeps an axis in sight only where it is read again within this. Where "
-                "nothing may be read the direction is flagged"
+                "`targets`: if the axis was neither read nor commanded for longer than this, its "
+                "actual position is read once before the next target, repeat or distance: it may have "
+                "been jogged at the drive's panel. That read does not count towards `deadline_ms`. A "
+                "status bit keeps an axis in sight only if it is read again within this time. If "
+                "nothing may be read, the direction is flagged"
             )
         ),
     )
@@ -443,10 +429,9 @@ class AxisSection(StrictModel):
         description="frames that the gateway adds by itself",
         json_schema_extra=documented(
             meaning=(
-                "`never`: the gateway sends no frame of its own. A trigger whose target "
-                "would have to be written anew and a distance whose start would have to "
-                "be read are refused; where only a reading would tell the direction it is "
-                "kept and flagged"
+                "`never`: the gateway adds no frame. A trigger whose target would have to be written "
+                "anew, and a distance whose start would have to be read, are refused. A direction "
+                "that only a reading would tell is kept and flagged"
             )
         ),
     )
@@ -455,10 +440,9 @@ class AxisSection(StrictModel):
         description="how many controllers may move the axis at a time: one or any",
         json_schema_extra=documented(
             meaning=(
-                "`one`: whoever moves the axis holds it, and what would move it from "
-                "another controller or host gets exception 6 (event `second-writer`). "
-                "Stops always pass. `any`: all may move it at any time, and answer for "
-                "what comes of it"
+                "`one`: the controller that moves the axis holds it; moves from another controller or "
+                "host get exception 6 (event `second-writer`). Stops always pass. `any`: all may move "
+                "it at any time"
             )
         ),
     )
@@ -467,8 +451,8 @@ class AxisSection(StrictModel):
         description="seconds without a move after which another controller may move the axis",
         json_schema_extra=documented(
             meaning=(
-                "so long after its last frame that moves the axis its writer still holds "
-                "it, and 2 s at most after its last connection has closed"
+                "how long a writer holds the axis after its last frame that moves it; at most 2 s "
+                "after its last connection has closed"
             )
         ),
     )

@@ -37,12 +37,9 @@ class GatewaySection(StrictModel):
         "the axes, and its socket while it runs; relative to the configuration file",
         json_schema_extra=documented(
             meaning=(
-                "folder of what the gateway keeps, relative to the configuration file: "
-                "the compiled configuration and tables, `axis-NAME.record`, with which an "
-                "axis goes on after a restart, and while it runs `relay.sock`, over which "
-                "commands and the supervisor find it (see "
-                "[services.md](services.md)). Made where it is missing; one for each "
-                "gateway"
+                "folder of what the gateway keeps, relative to the configuration file: the compiled "
+                "configuration and tables, the records of the axes, and `relay.sock` while it runs (see "
+                "[services.md](services.md)). Made if it is missing; one for each gateway"
             ),
             kind="path",
         ),
@@ -56,10 +53,9 @@ class StatusUnitSection(StrictModel):
         description="unit id at which controllers read the state of the gateway; of no drive",
         json_schema_extra=documented(
             more=(
-                "Nor of another device on any line: what is asked there never reaches "
-                "one. Read-only ([registers](status-registers.md)). 248 and above are "
-                "reserved on serial lines and free in practice; some panels reach 247 at "
-                "most"
+                "Nor of another device on any line. Read-only ([registers](status-registers.md)). 248 "
+                "and above are reserved on serial lines and free in practice; some panels reach 247 "
+                "at most"
             )
         ),
     )
@@ -73,9 +69,8 @@ class CaptureSection(StrictModel):
         description="memory for the last frames of each line, in MB; 0: none are kept",
         json_schema_extra=documented(
             more=(
-                "An exchange takes about 130 bytes: 4 MB are five minutes of a hundred "
-                "exchanges in a second, or half a minute of a thousand. Changed at the "
-                "next start"
+                "An exchange takes about 130 bytes: 4 MB are five minutes of a hundred exchanges in a "
+                "second. Changed at the next start"
             )
         ),
     )

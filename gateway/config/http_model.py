@@ -76,12 +76,11 @@ class HttpSection(StrictModel):
         description="tokens with which somebody may look; none: nobody is asked for one",
         json_schema_extra=documented(
             meaning=(
-                '`[{ name = "prometheus", file = "prometheus.token" }]`: with one of '
-                "these tokens somebody may look; with `acknowledge = true` he may also "
-                "acknowledge alarms ([http](http.md#post-acknowledge)). `name` is for the "
-                "log, `file` holds the token on one line and nothing else; `pitch-gateway "
-                "token FILE` makes one. Files are read again when they change. Asked for "
-                "over TCP everywhere, this machine included, never on the Unix socket"
+                '`[{ name = "prometheus", file = "prometheus.token" }]`: who shows one of these '
+                "tokens may look; with `acknowledge = true` also acknowledge alarms "
+                "([http](http.md#post-acknowledge)). `file` holds the token on one line; "
+                "`pitch-gateway token FILE` makes one. Files are read again when they change. Needed "
+                "over TCP, on this machine too, never on the Unix socket"
             ),
             kind="list of tables, 16 at most",
             default="none: nobody is asked for one",
@@ -92,10 +91,9 @@ class HttpSection(StrictModel):
         description="encrypt; needed beyond this machine",
         json_schema_extra=documented(
             meaning=(
-                "`certificate` and its `key`, both in PEM, the key not encrypted; with "
-                "`clients`, the authorities that sign certificates of clients, whoever "
-                "has such a certificate may look, with or without a token, but for those "
-                "in the authorities' list `revoked`. Read anew by `reload`"
+                "`certificate` and its `key`, both in PEM, the key not encrypted. `clients`: "
+                "authorities whose clients may look by certificate, with or without a token, except "
+                "those listed in `revoked`. Read anew by `reload`"
             ),
             default="none: no TLS",
         ),

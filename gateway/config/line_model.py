@@ -74,9 +74,8 @@ class _SerialSettings(StrictModel):
         description="make the serial port's driver hand bytes over at once, where it can",
         json_schema_extra=documented(
             meaning=(
-                "only with `rtu`: the driver of the port is set to hand bytes over at "
-                "once, where it can (see [operations.md](operations.md)); `false`: it is "
-                "left as it is, and only shown"
+                "only with `rtu`: the driver of the port hands bytes over immediately, if it can (see "
+                "[operations.md](operations.md)); `false`: left as it is, and only shown"
             )
         ),
     )
@@ -89,11 +88,10 @@ class _SerialSettings(StrictModel):
         description="set the RS-485 mode of the serial port's driver: it switches RTS",
         json_schema_extra=documented(
             meaning=(
-                "only with `rtu`: the kernel switches the direction of the line with RTS, "
-                "before and after each frame (TIOCSRS485), with the delays of the device "
-                "tree. A driver that cannot, as that of most USB adapters, refuses, and "
-                "so does the start of the gateway: those adapters switch by themselves. "
-                "`false`: it is left as it is"
+                "only with `rtu`: the kernel switches the direction of the line with RTS, before and "
+                "after each frame (TIOCSRS485), with the delays of the device tree. If the driver "
+                "cannot, the gateway does not start; most USB adapters cannot, and switch by "
+                "themselves. `false`: left as it is"
             )
         ),
     )
@@ -150,8 +148,8 @@ class DrivesEndpoint(_SerialSettings):
         description="the RS-485 adapter hears what it sends: it comes back, and is taken out",
         json_schema_extra=documented(
             meaning=(
-                "only with `rtu`: the RS-485 adapter hears what it sends, so that what the gateway sends "
-                "comes back, and is taken out. Of a controller's port the first reply tells without it"
+                "only with `rtu`: the RS-485 adapter hears what it sends; the echo is taken out. On a "
+                "controller's port the first reply shows it without this key"
             )
         ),
     )
@@ -181,10 +179,8 @@ class ControllerSection(RightsKeys, _SerialSettings):
         description="HOST:PORT of Modbus TCP",
         json_schema_extra=documented(
             meaning=(
-                "address to listen on. `0.0.0.0` stands for all IPv4 addresses of this machine, "
-                "`[::]` for its "
-                'IPv6 addresses alone: for both write two controllers, `tcp = "0.0.0.0:502"` and '
-                '`tcp = "[::]:502"`, each with `allow` networks of its own kind'
+                "address to listen on. `0.0.0.0` is all IPv4 addresses of this machine, `[::]` its "
+                "IPv6 addresses alone. For both write two controllers, each with its `allow` networks"
             )
         ),
     )
@@ -194,10 +190,9 @@ class ControllerSection(RightsKeys, _SerialSettings):
         description="HOST:PORT to listen on for who sends raw RTU frames over TCP",
         json_schema_extra=documented(
             meaning=(
-                "address to listen on for a controller that sends RTU frames over TCP: a "
-                "device server that connects (its mode is often named TCP client), or a "
-                "program. Silence where RTU has silence; no transaction ids, so one "
-                "connection has one request at a time"
+                "address to listen on for a controller that sends RTU frames over TCP: a device "
+                "server that connects (often called TCP client), or a program. One connection has one "
+                "request at a time"
             )
         ),
     )
@@ -210,8 +205,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
         description="networks that may connect; none named: whoever reaches the port",
         json_schema_extra=documented(
             meaning=(
-                'who may connect, as in `["192.168.0.0/24", "fd00::/8"]`; with `[]` '
-                "whoever reaches the address. Not with `rtu`"
+                'who may connect, as in `["192.168.0.0/24", "fd00::/8"]`; `[]`: everyone. Not with `rtu`'
             )
         ),
     )
@@ -225,10 +219,9 @@ class ControllerSection(RightsKeys, _SerialSettings):
         description="connections without an answer that one host may open in a second over tcp, in the mean",
         json_schema_extra=documented(
             meaning=(
-                "connections that one host may open in a second, in the mean; after a "
-                "pause as many at once as `max_connections`. One that got an answer "
-                "before it ended is not counted, up to a thousand a second; with `tls` "
-                "each is. Not with `rtu`"
+                "connections that one host may open in a second, in the mean; after a pause as many "
+                "as `max_connections`. One that got an answer does not count, up to a thousand a "
+                "second; with `tls` each counts. Not with `rtu`"
             )
         ),
     )
@@ -246,11 +239,10 @@ class ControllerSection(RightsKeys, _SerialSettings):
         "healthy; 0: it comes and goes",
         json_schema_extra=documented(
             meaning=(
-                "after so many seconds without a request of this controller its axes are "
-                "not healthy any more: page, `status`, MQTT and metrics say since when "
-                "(troubles `controller-absent`, `controller-silent`). Set it longer than "
-                "the controller ever stays away: `90000` for one that comes once a day. "
-                "`0`: it may stay away; no warning. A reload takes it over"
+                "after so many seconds without its request the axes are not healthy any more "
+                "(troubles `controller-absent`, `controller-silent`). Set it longer than the "
+                "controller ever stays away: `90000` for one that comes once a day. `0`: no warning. "
+                "A reload takes it over"
             ),
             default=("5 for the motion controllers of a line together: one that asks is enough. Others: `0`"),
         ),
@@ -323,14 +315,13 @@ class LineSection(StrictModel):
         "response_timeout_ms when not given",
         json_schema_extra=documented(
             meaning=(
-                "RTU drives: silence that must follow a time-out before its unit id is "
-                "asked again, so that a late reply answers nothing else. Reads of other "
-                "unit ids need not wait for it, writes do, unless the silent drive has "
-                "left three requests in a row unanswered and was never late; one that was "
-                "late keeps everybody waiting for ten minutes after. What waits for its "
-                "own unit id and could leave only with less than half of its controller's "
-                "`timeout_ms` left gets 0x0B at once instead (counter `too_late`). "
-                "Refused with `tcp` drives, whose replies carry a number"
+                "RTU drives: silence after a time-out before its unit id is asked again, so that a "
+                "late reply answers nothing else. Reads of other unit ids need not wait; writes wait, "
+                "unless the silent drive is dead (`retry_ms`) and was never late. A drive that was "
+                "late keeps the whole line waiting for the next ten minutes. A request for the silent "
+                "unit id that could leave only with less than half of its controller's `timeout_ms` "
+                "left gets 0x0B (counter `too_late`). Refused with `tcp` drives, whose replies carry "
+                "a number"
             ),
             default="`response_timeout_ms`",
         ),
@@ -341,14 +332,12 @@ class LineSection(StrictModel):
         "doubling to 10 s; 0: it is always asked",
         json_schema_extra=documented(
             meaning=(
-                "requests to a unit id that left three in a row unanswered, and to its "
-                "group, are answered with 0x0B at once, on RTU too. After `retry_ms`, "
-                "then after twice as long each time up to 10 s, the next one is sent as a "
-                "trial, behind a read where it might move something; any frame of the "
-                "drive ends that. A read that is a trial is waited for "
-                "`response_timeout_ms`, and so long it costs the others of the line. The "
-                "same stop to a silent drive goes once in `retry_ms` at most. `0`: it is "
-                "always asked, and the others wait for each time-out"
+                "a unit id that left three requests in a row unanswered is dead: what is for it, or "
+                "its group, gets 0x0B immediately, on RTU too. After `retry_ms`, then twice as late "
+                "each time up to 10 s, the next request is a trial, behind a read if it might move "
+                "something. Any frame of the drive ends that. A read that is a trial waits for "
+                "`response_timeout_ms`, and the others of the line with it. A stop is repeated to a "
+                "silent drive once in `retry_ms`. `0`: the drive is always asked"
             )
         ),
     )
@@ -357,12 +346,11 @@ class LineSection(StrictModel):
         description="when there is a connection to the drives, over tcp: always, or on-demand",
         json_schema_extra=documented(
             meaning=(
-                '`"on-demand"`: the connection to the drives is made for a request, and '
-                "closed when none has been answered for a second and nothing is staged, "
-                "under way or unproven; with the next one homed bits and actual positions "
-                "are read first. For servers with few connections. Refused with axes "
-                'whose `referenced` is `"homing"` or `"set-position"`: nobody would see '
-                "that their drive was switched off"
+                '`"on-demand"`, for servers with few connections: the connection to the drives is '
+                "made for a request, and closed after a second without one, if nothing is staged, "
+                "moving or unproven. With the next one homed bits and actual positions are read "
+                'first. Refused with axes whose `referenced` is `"homing"` or `"set-position"`: a '
+                "drive that was switched off would not be noticed"
             )
         ),
     )
@@ -371,10 +359,9 @@ class LineSection(StrictModel):
         description="milliseconds between a connection to the drives and the first request on it, over tcp",
         json_schema_extra=documented(
             meaning=(
-                "for servers that stay mute when they are asked as soon as they have "
-                "accepted: so long nothing is sent on a connection, stops neither. A "
-                "request waits for its connection for half of its controller's "
-                "`timeout_ms` at most: keep it below that"
+                "for servers that stay mute when they are asked as soon as they have accepted: pause "
+                "before the first request on a connection, for stops too. Keep it below half of the "
+                "controllers' `timeout_ms`"
             )
         ),
     )
@@ -383,9 +370,8 @@ class LineSection(StrictModel):
         description="seconds after which a connection to the drives is made anew, over tcp; 0: never",
         json_schema_extra=documented(
             meaning=(
-                "for servers that serve no connection for longer: it is closed and made "
-                "anew once nothing is outstanding, staged, under way or unproven. `0`: it "
-                "stays"
+                "for servers that end long connections: it is made anew after this time, once nothing "
+                "is outstanding, staged, moving or unproven. `0`: it stays"
             )
         ),
     )
@@ -399,9 +385,8 @@ class LineSection(StrictModel):
         description="milliseconds of silence before each request",
         json_schema_extra=documented(
             meaning=(
-                "silence before each request, beyond the standard's 3.5 characters. The "
-                "longest of this and of the `registers.gap_ms` of its axes holds for the "
-                "line"
+                "silence before each request, beyond the standard's 3.5 characters. The longest of "
+                "this and of the `registers.gap_ms` of its axes counts"
             )
         ),
     )
@@ -410,10 +395,9 @@ class LineSection(StrictModel):
         description="milliseconds without a motion exchange after which a monitor's exchange may start",
         json_schema_extra=documented(
             meaning=(
-                "a request of a `monitor` goes directly after an exchange of a `motion` "
-                "controller has ended, or after `quiet_ms` without one: the next motion "
-                "command then finds the line free. Longer than the pauses inside one "
-                "cycle of the motion controller, shorter than its cycle"
+                "a request of a `monitor` goes directly after a motion exchange, or after `quiet_ms` "
+                "without one. Make it longer than the pauses inside one cycle of the motion "
+                "controller, shorter than its cycle"
             )
         ),
     )
@@ -422,16 +406,13 @@ class LineSection(StrictModel):
         description="unit ids of further devices on the line, which have no axis",
         json_schema_extra=documented(
             meaning=(
-                "unit ids of further devices on the line: what is for them passes as it "
-                "is, and is no trouble. On Modbus/TCP with one axis a write to a unit id "
-                "that is not named is refused with 0x0A where it would reach a position, "
-                "trigger, mode or limit of the axis: many drives do not look at it. "
-                "Between serial ports (`rtu` on both sides) such a device may also take "
-                "and answer frames of another length than their function code says, as "
-                "some inverters do: `05 03 01 01 30 B8`. All bytes between two silences "
-                "are then one frame, which counts as a write and leaves some 30 ms after "
-                "its last byte: let the controller wait for 100 ms at least. Never for "
-                "unit id 0"
+                "unit ids of further devices on the line, whose frames pass as they are. On "
+                "Modbus/TCP with one axis a write to an unnamed unit id gets 0x0A if it would reach a "
+                "position, trigger, mode or limit of the axis: many drives do not look at the unit "
+                "id. Between serial ports such a device may also use frames of another length than "
+                "their function code says, as some inverters do (`05 03 01 01 30 B8`). All bytes "
+                "between two silences are then one frame; it counts as a write and leaves some 30 ms "
+                "after its last byte, so let the controller wait for 100 ms at least. Not unit id 0"
             ),
             default="none",
         ),
@@ -441,9 +422,8 @@ class LineSection(StrictModel):
         description="the unit id that the one Modbus/TCP drive answers with, where it is not its own",
         json_schema_extra=documented(
             meaning=(
-                "the unit id in the replies of a Modbus/TCP drive that answers with 0, 1 "
-                "or 255 whatever it is asked. It is not told of any more (event "
-                "`wrong-unit`)"
+                "unit id in the replies of a Modbus/TCP drive that always answers with 0, 1 or 255; "
+                "ends the event `wrong-unit`"
             ),
             default="its own",
         ),
@@ -453,12 +433,11 @@ class LineSection(StrictModel):
         description="let frames leave while they still arrive, between serial ports (RTU to RTU)",
         json_schema_extra=documented(
             meaning=(
-                "`true`: where controller and drives are both on serial ports a request "
-                "that is known begins to leave while it still arrives, and so does its "
-                "reply; all else is stored and forwarded. Of a write of one position 4 of "
-                "13 characters are waited for, of its reply 2 of 8. What turns out to be "
-                "damaged, or may not pass, ends with a check sum of which both bytes are "
-                "wrong: only for drives that look at the check sum of what they are told"
+                "`true`: between two serial ports a known request, and its reply, begins to leave "
+                "while it still arrives. Everything else is stored and forwarded. A frame that turns "
+                "out to be damaged or refused ends with both bytes of its check sum wrong: only for "
+                "drives that check it "
+                "([latency](latency.md#cut-through-a-frame-leaves-while-it-still-arrives))"
             )
         ),
     )
@@ -467,12 +446,10 @@ class LineSection(StrictModel):
         description="milliseconds after which a monitor's request no longer waits for a gap that it fits",
         json_schema_extra=documented(
             meaning=(
-                "a request of a `monitor` that has waited for as long goes at the next "
-                "gap, though it does not fit. All monitors of a line share this: only one "
-                "such request in `monitor_max_wait_ms`, and only a tenth of the line's "
-                "time for all of them. Where many monitors do not fit, give them a longer "
-                "`timeout_ms` or let them ask less often. Warned of: a `timeout_ms` of "
-                "such a controller that is not longer"
+                "a `monitor`'s request that has waited for so long goes at the next gap, even if it "
+                "does not fit. All monitors of a line share one such request in this time, and a "
+                "tenth of the line's time. If many do not fit, give them a longer `timeout_ms` or let "
+                "them ask less often. Warned of: a `timeout_ms` of a monitor that is not longer"
             )
         ),
     )

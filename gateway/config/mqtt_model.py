@@ -99,8 +99,8 @@ class MqttSection(StrictModel):
         description="of MQTT, as it is spoken with the broker",
         json_schema_extra=documented(
             meaning=(
-                "of MQTT. Every broker speaks 3.1.1; 5 says more exactly why it refuses "
-                "something, and lets who commands say where the answer shall go"
+                "Every broker speaks 3.1.1. Version 5 says more exactly why it refuses something, and "
+                "lets a sender of commands say where the answer shall go"
             )
         ),
     )
@@ -142,10 +142,9 @@ class MqttSection(StrictModel):
         description="encrypt, and check who the broker is",
         json_schema_extra=documented(
             meaning=(
-                '`{}` trusts the authorities of the system; `{ ca = "ca.pem" }` those in '
-                "a file; with `cert` and `key`, both in PEM, the gateway shows a "
-                "certificate of its own. The key must not be encrypted. Paths are "
-                "relative to this file, or `credential:NAME`"
+                '`{}` trusts the authorities of the system; `{ ca = "ca.pem" }` those in a file. With '
+                "`cert` and `key`, both in PEM, the key not encrypted, the gateway shows a "
+                "certificate. Paths are relative to this file, or `credential:NAME`"
             ),
             default="none: no TLS",
         ),

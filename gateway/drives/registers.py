@@ -266,11 +266,9 @@ class RegisterMap(StrictModel):
         description="positions that the drive compares its own with: software limits, areas",
         json_schema_extra=documented(
             meaning=(
-                "positions that the drive compares its own with: software limits, areas. "
-                "They are corrected like a position there, half way between the two "
-                "directions. A limit of 0 passes as it is, because for many drives it "
-                "means that there is none; one of which a part is written alone is "
-                "refused"
+                "positions that the drive compares its own with: software limits, areas. They are "
+                "corrected half way between the two directions. A limit of 0 passes as it is: for "
+                "many drives it means none. A part of a limit that is written alone is refused"
             )
         ),
     )
@@ -279,9 +277,8 @@ class RegisterMap(StrictModel):
         description="further addresses at which the same positions are read",
         json_schema_extra=documented(
             meaning=(
-                "further addresses at which positions are read. They are turned back like "
-                "`actual`; writing one while the axis is corrected is refused with "
-                "exception 2"
+                "further addresses at which positions are read, corrected like `actual`. Writing one "
+                "while the axis is corrected gets exception 2"
             )
         ),
     )
@@ -290,9 +287,9 @@ class RegisterMap(StrictModel):
         description="positions that are not mapped; writing them is refused",
         json_schema_extra=documented(
             meaning=(
-                "registers that hold positions which are not mapped (mirrors, stored "
-                "targets, home offsets): written while the axis is corrected they are "
-                "refused with exception 2 (see `unmapped`); read they pass as they are"
+                "positions that are not mapped (mirrors, stored targets, home offsets). Writing one "
+                "while the axis is corrected gets exception 2 (see `unmapped`); reads pass as they "
+                "are"
             )
         ),
     )
@@ -301,9 +298,8 @@ class RegisterMap(StrictModel):
         description="registers that move other registers about; writing one ends the compensation",
         json_schema_extra=documented(
             meaning=(
-                "registers that move other registers about, or change the order of their "
-                "words: writing one ends the compensation of its unit until the gateway "
-                "is started again"
+                "registers that move other registers, or change the order of their words. Writing one "
+                "ends the compensation of its unit until the gateway is started again"
             )
         ),
     )
@@ -329,10 +325,9 @@ class RegisterMap(StrictModel):
         description="what bits.done says: move-ended or in-position",
         json_schema_extra=documented(
             meaning=(
-                "`move-ended`: `bits.done` falls when a move begins and comes back when "
-                "it has ended. `in-position`: it only says that the axis is near where it "
-                "is told to be at the moment, which it may be on the way too; then an "
-                "actual position has to show that it has arrived"
+                "`move-ended`: `bits.done` falls when a move begins and comes back when it has ended. "
+                "`in-position`: it only says that the axis is near where it should be at the moment, "
+                "perhaps on the way; then an actual position has to show that it has arrived"
             )
         ),
     )
@@ -341,9 +336,9 @@ class RegisterMap(StrictModel):
         description="milliseconds that bits.done may still be that of the move before",
         json_schema_extra=documented(
             meaning=(
-                "so long after a target was acknowledged `bits.done` may still be that of "
-                "the move before. Sooner it counts as arrival, or as rest before a "
-                "distance, only after it was seen to fall"
+                "how long after an acknowledged target `bits.done` may still be that of the move "
+                "before. Sooner it counts as arrival, or as rest before a distance, only after it was "
+                "seen to fall"
             )
         ),
     )
@@ -352,10 +347,9 @@ class RegisterMap(StrictModel):
         description="what a target does that comes while the axis moves: at-once or queued",
         json_schema_extra=documented(
             meaning=(
-                "`at-once`: a target that comes while the axis moves is gone to from "
-                "where the axis is. `queued`: the axis goes to the one before first, as "
-                "CiA 402 drives with set-points in a row do: its direction follows from "
-                "the order of the targets then, and no reading tells it"
+                "`at-once`: a target that comes while the axis moves is gone to from where the axis "
+                "is. `queued`: the axis first goes to the one before, as CiA 402 drives with "
+                "set-points in a row do; its direction then follows from the order of the targets"
             )
         ),
     )
@@ -374,9 +368,8 @@ class RegisterMap(StrictModel):
         description="words of a position that start the motion",
         json_schema_extra=documented(
             meaning=(
-                "words that start the motion as soon as they are written, whatever their "
-                "value: the word of a position that is looked at, or a speed beside it. "
-                "The other words wait for it"
+                "words that start the motion as soon as they are written: a word of a position, or a "
+                "speed beside it. The other words wait for it"
             )
         ),
     )
@@ -385,9 +378,8 @@ class RegisterMap(StrictModel):
         description="whether an address is a register or an object of its own width",
         json_schema_extra=documented(
             meaning=(
-                '`"objects"`: an address is the index of an object with a width of its '
-                "own. Two registers at 0x6064 do not touch 0x6065, and a frame holds "
-                "whole objects one after the other"
+                '`"objects"`: an address is the index of an object with its own width. Two registers '
+                "at 0x6064 do not touch 0x6065, and a frame holds whole objects one after the other"
             )
         ),
     )
@@ -396,10 +388,9 @@ class RegisterMap(StrictModel):
         description="widths of objects that are no positions, where frames hold several objects",
         json_schema_extra=documented(
             meaning=(
-                'with `addressing = "objects"`: how many registers (1 to 4) an object '
-                "takes that is not a position, as in `{ address = 0x6081, words = 2 }`. "
-                "Needed only where a frame holds more than one object; 1 where nothing is "
-                "said"
+                'with `addressing = "objects"`: registers (1 to 4) of an object that is not a '
+                "position, as in `{ address = 0x6081, words = 2 }`. Needed only if a frame holds "
+                "several objects; 1 if not given"
             ),
             kind="list of `{ address, words }`",
         ),
@@ -414,9 +405,8 @@ class RegisterMap(StrictModel):
         description="how the gateway writes a position by itself: fc16, fc06 or mei",
         json_schema_extra=documented(
             meaning=(
-                "how the gateway writes a position by itself; `fc06` writes a longer one "
-                "word by word, and then needs `staged = true`: otherwise the first word "
-                "would already move the axis"
+                "how the gateway itself writes a position; `fc06` writes a longer one word by word, "
+                "and then needs `staged = true`: otherwise the first word would already move the axis"
             ),
             kind='`"fc16"`, `"fc06"`, `"mei"`',
         ),
@@ -426,9 +416,8 @@ class RegisterMap(StrictModel):
         description="function byte with which the drive refuses every read; 0: the usual one",
         json_schema_extra=documented(
             meaning=(
-                "function byte with which the drive refuses every read, as Kinco with "
-                "`0x81`; `0`: that of the request with bit 7 set, as the standard has it. "
-                "On RTU any other is no answer to what was asked"
+                "function byte with which the drive refuses every read, as Kinco with `0x81`; `0`: "
+                "the standard's, the request's with bit 7 set. On RTU any other is no answer"
             )
         ),
     )
