@@ -181,6 +181,11 @@ def _prose_words(texts: Iterable[str]) -> int:
     return sum(word.lower() in HOUSE_WORDS for text in texts for word in re.findall(r"[A-Za-z]+", text))
 
 
+def _length(page: str) -> int:
+    """Return how many words a page has; bars of its tables, rules and dashes are none."""
+    return sum(re.search(r"\w", word) is not None for word in page.split())
+
+
 def _idioms(texts: Iterable[str]) -> int:
     joined = "\n".join(texts).lower()
     return sum(len(re.findall(rf"\b{re.escape(idiom)}\b", joined)) for idiom in IDIOMS)
@@ -227,8 +232,8 @@ def figures_of(root: Path) -> Figures:
         "house words in strings": _prose_words(strings),
         "house words in pages": _prose_words(pages),
         "idioms in strings and pages": _idioms([*strings, *pages]),
-        "words in pages": sum(len(page.split()) for page in pages),
-        "words in decisions": sum(len(page.split()) for page in decisions),
+        "words in pages": sum(map(_length, pages)),
+        "words in decisions": sum(map(_length, decisions)),
         "files of tests": len(tests),
         "lines of tests": sum(path.read_text(encoding="utf-8").count("\n") for path in tests),
         "lines of tools": sum(
