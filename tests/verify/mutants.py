@@ -46,10 +46,10 @@ FILES: Final = (
 KEPT: Final = Path(__file__).with_name("mutants_verdicts.tsv")
 REACH: Final = ROOT / "build" / "mutants" / "reach.jsonl"
 EXPLAINED: Final = Path(__file__).with_name("mutants_explained.toml")
-ROUNDS: Final = (0.1, 0.5)
-"""Seconds of each world in the first rounds: these kill most mutants."""
-SECONDS: Final = 1.5
-"""The same in the last round. Half of each are walked breadth first, half at random."""
+FIRST_SECONDS: Final = 0.1
+"""Of each world in a first round, which kills most mutants."""
+SECONDS: Final = 1.0
+"""The same in the second round. Half of each are walked breadth first, half at random."""
 REACH_SECONDS: Final = 2.0
 """Of each world, to find out which lines it runs through. It is slower then by about four times."""
 SILENT_SECONDS: Final = 30.0
@@ -131,14 +131,14 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> 
     whether that counts.
     """
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
-    module = ".".join(Path(mutant.file).with_suffix("").parts)
+    module = _module_of(mutant.file)
     sys.meta_path.insert(0, _Finder(module, mutant.tree()))  # type: ignore[arg-type]
     world = ""
     try:
         from tests.verify.running import walked
 
         left = list(worlds)
-        for each in (*ROUNDS, seconds):
+        for each in (FIRST_SECONDS, seconds):
             for world in left[:]:
                 answer.send(world)
                 outcome = walked(world, 0, each / 2, ENDLESS, 1)
@@ -225,20 +225,20 @@ def breaks_unbroken(world: str, how: str, trace: tuple[Any, ...]) -> bool:
     if how.endswith("(10)"):
         return bool(Walk(BY_NAME[world]).along().broken)
     if not trace:
-        return bool(world and walked(world, 0, max(ROUNDS), ENDLESS, 1).broken)
+        return bool(world and walked(world, 0, SECONDS, ENDLESS, 1).broken)
     return broken_by(world_of(BY_NAME[world]), trace) is not None
 
 
 def lines_run(world: str) -> tuple[str, dict[str, list[int]]]:
     """Walk a world and return its name and the lines of each file that it runs through, from its start on."""
     files = {str(path): str(path.relative_to(ROOT)) for path in FILES}
-    met: dict[str, set[int]] = {file: set() for file in files}
+    met: dict[str, set[int]] = {file: set() for file in files.values()}
 
     def on_call(frame: Any, _event: str, _argument: object) -> Any:
-        lines = met.get(frame.f_code.co_filename)
-        if lines is None:
+        file = files.get(frame.f_code.co_filename)
+        if file is None:
             return None
-        add = lines.add
+        add = met[file].add
 
         def on_line(frame: Any, _event: str, _argument: object) -> Any:
             add(frame.f_lineno)
@@ -254,7 +254,41 @@ def lines_run(world: str) -> tuple[str, dict[str, list[int]]]:
         walked(world, 0, REACH_SECONDS / 2, ENDLESS, 1)
     finally:
         sys.settrace(None)
-    return world, {files[file]: sorted(lines) for file, lines in met.items() if lines}
+    for path in FILES:
+        met[files[str(path)]] |= rows_looked_up(path)
+    return world, {file: sorted(lines) for file, lines in met.items() if lines}
+
+
+def rows_looked_up(path: Path) -> set[int]:
+    """Return the lines of the rows of tables in a file that were asked for in this process."""
+    from tests.verify.snapshot import WatchedRows
+
+    module = importlib.import_module(_module_of(str(path.relative_to(ROOT))))
+    found: set[int] = set()
+
+    def take(node: ast.Dict, table: Any) -> bool:
+        is_met = False
+        for key, row in zip(node.keys, node.values, strict=True):
+            if key is None:
+                continue
+            value = eval(compile(ast.Expression(key), str(path), "eval"), vars(module))
+            if isinstance(row, ast.Dict):
+                is_one = take(row, table[value])
+            else:
+                is_one = isinstance(table, WatchedRows) and value in table.looked_up
+            if is_one:
+                is_met = True
+                found.update((key.lineno, row.lineno))
+        return is_met
+
+    for each in ast.parse(path.read_text()).body:
+        if isinstance(each, ast.AnnAssign) and isinstance(each.value, ast.Dict):
+            take(each.value, getattr(module, ast.unparse(each.target)))
+    return found
+
+
+def _module_of(file: str) -> str:
+    return ".".join(Path(file).with_suffix("").parts)
 
 
 class Reach:
@@ -283,11 +317,24 @@ class Reach:
         self._lines[world] = {file: set(lines) for file, lines in by_file.items()}
 
     def worlds(self, mutant: Mutant) -> list[str]:
-        """Return the worlds that run through the place of a mutant; of a table every world that there is."""
-        if "." not in mutant.unit and mutant.unit.isupper():
-            return list(self._lines)
+        """Return the worlds that run through the place of a mutant, or ask for the row of a table.
+
+        Of a table whose rows are not watched: every world that there is.
+        """
         lines = {mutant.line, mutant.statement_line}
+        is_row = "." not in mutant.unit and mutant.unit.isupper()
+        if is_row and self._is_watched(mutant):
+            lines = {mutant.line}
+        elif is_row:
+            return list(self._lines)
         return [name for name, by_file in self._lines.items() if lines & by_file.get(mutant.file, set())]
+
+    def _is_watched(self, mutant: Mutant) -> bool:
+        """Whether it is noted which rows of the table of a mutant are asked for."""
+        from tests.verify.snapshot import is_watched
+
+        module = importlib.import_module(_module_of(mutant.file))
+        return is_watched(getattr(module, mutant.unit))
 
 
 def _all_lines(names: Sequence[str], jobs: int) -> Iterator[tuple[str, dict[str, list[int]]]]:

@@ -786,6 +786,8 @@ class WatchedRows(dict[Any, Any]):
         super().__init__(rows)
         changing = [event for event, after in rows.items() if after is not IGNORED]
         self.names = {event: f"{prefix}{state.value} + {event.value}" for event in changing}
+        self.looked_up: set[Any] = set()
+        """Events of which a row was asked for, whether it changes something or not."""
 
     def __getitem__(self, event: Any) -> Any:
         self._note(event)
@@ -797,6 +799,7 @@ class WatchedRows(dict[Any, Any]):
         return super().get(event, default)
 
     def _note(self, event: Any) -> None:
+        self.looked_up.add(event)
         name = self.names.get(event)
         if name is not None:
             TAKEN.add(name)
@@ -820,6 +823,11 @@ def watch_tables() -> None:
         for state, rows in table.items():
             if not isinstance(rows, WatchedRows):
                 table[state] = WatchedRows(prefix, state, rows)
+
+
+def is_watched(table: object) -> bool:
+    """Whether it is noted which rows of a table are asked for."""
+    return any(each is table for _, each in _TABLES) or table is REFERENCE_AFTER
 
 
 def all_rows() -> set[str]:
