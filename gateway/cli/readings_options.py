@@ -1,102 +1,134 @@
-"""Readings that stand beside a table, for ``pitch-gateway table plot``."""
+"""Options of the commands that take readings; what several of them take is declared once, here."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from gateway.cli.output import print_lines
-from gateway.compensation.table import CorrectionTable
-from gateway.metrology.errors import MetrologyError
-from gateway.report.story import AxisStory
-from gateway.tabfile import TabFileError
+from gateway.compensation.units import Units
+from gateway.metrology.build import HomeCase
+from gateway.metrology.formats import FORMATS, ReadingsContext, Runs
+from gateway.metrology.shapes import Fit
+from gateway.tabfile import ErrorSense, WriteOptions
 
-if TYPE_CHECKING:
-    from gateway.metrology.readings import Survey
-    from gateway.metrology.shapes import LeftOut
+NAMES = ", ".join(each.name for each in FORMATS)
 
-Readings = Annotated[
-    list[Path] | None,
-    typer.Option(
-        metavar="READINGS",
-        help="Readings that were taken WITHOUT the table, drawn with what it would leave of them; "
-        "again for more files.",
+ReadingFiles = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="READINGS...",
+        help="Files of readings: CSV, a manual table, Renishaw .rtl, API .pos, or a spreadsheet (.xlsx).",
+        show_default=False,
         readable=False,
     ),
 ]
-ReadingsFormat = Annotated[
-    str | None,
-    typer.Option("--readings-format", metavar="NAME", help="Format of READINGS, where it is not plain."),
+OutFile = Annotated[
+    Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False, readable=False)
 ]
-ReadingsRuns = Annotated[
-    str | None,
+Home = Annotated[
+    HomeCase | None,
     typer.Option(
-        "--runs",
-        metavar="alternate|forward|backward",
-        help="Directions of the runs of a file that does not prove them.",
+        "--home",
+        help="Where the correction is 0. switch-positive: travel has positive positions, and the home switch "
+        "is at its negative end. switch-negative: travel has negative positions, and the switch is at its "
+        "positive end. mark: a reference mark at 0.",
     ),
 ]
+MaxSlope = Annotated[
+    float | None,
+    typer.Option(
+        "--max-slope",
+        help="Steepest table that may be made, as max_slope of the axis. Default: the line '# max_slope' "
+        "of the readings, or 0.01.",
+    ),
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite OUT.")]
 
 
-def _left_out(survey: "Survey", table: CorrectionTable) -> "LeftOut | None":
-    """Return E that a table will leave between the targets; None where there are too few to tell."""
-    from gateway.cli.survey_files import periods_of_readings
-    from gateway.metrology.screw import LEAST_TARGETS, MOST_TARGETS, screw_of
+@dataclass(frozen=True, slots=True)
+class FormatOptions:
+    """What files of readings do not say about themselves."""
 
-    periods = periods_of_readings(survey, None, None)
-    if not LEAST_TARGETS <= len({each.target for each in survey.readings}) <= MOST_TARGETS:
-        return None
-    return screw_of(survey.readings, survey.units, periods).left_out(table)
+    readings_format: Annotated[
+        str | None,
+        typer.Option("--readings-format", metavar="NAME", help=f"Where it is not plain: {NAMES}."),
+    ] = None
+    runs: Annotated[
+        Runs | None,
+        typer.Option("--runs", help="Directions of the runs of a file that does not prove them."),
+    ] = None
+
+    def context(self, units: Units | None, axis: str | None) -> ReadingsContext:
+        """Return it for a reader, with what was told of the axis."""
+        return ReadingsContext(self.readings_format, units, axis, self.runs)
 
 
-def with_readings(
-    story: AxisStory, files: Sequence[Path], told_format: str | None, runs: str | None
-) -> AxisStory:
-    """Return the story of a table with readings before, and what the table is predicted to leave of them.
+@dataclass(frozen=True, slots=True)
+class ScrewOptions:
+    """What is known of the screw."""
 
-    Raises:
-        BadParameter: ``runs`` is no way of making them.
-        Exit: code 1, the files are no readings of this axis; each problem is a line on stderr.
-    """
-    from gateway.metrology.circumstances import check_same_axis, check_uncorrected
-    from gateway.metrology.formats import (
-        ReadingsContext,
-        Runs,
-        read_survey,
-    )
-    from gateway.metrology.readings import merged
-    from gateway.metrology.residue import (
-        predicted_residue,
-    )
+    lead: Annotated[
+        float | None,
+        typer.Option(
+            "--lead",
+            help="Lead of the screw, in the units of the readings: once and twice a turn the error may "
+            "repeat. Default: the line '# lead' of the readings.",
+        ),
+    ] = None
+    period: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--period",
+            help="Another length after which it may repeat: a turn of motor or gear; again for more.",
+        ),
+    ] = None
+    to_20c: Annotated[
+        float | None,
+        typer.Option(
+            "--to-20c",
+            metavar="COEFFICIENT",
+            help="Normalise to 20 °C: the screw grows by so many µm a metre and kelvin, 11.5 for steel. The "
+            "readings carry temperatures.",
+        ),
+    ] = None
 
-    table = story.table
-    assert table is not None, "the story of a table has one"
-    names = [each.value for each in Runs]
-    if runs is not None and runs not in names:
-        raise typer.BadParameter(f"{runs!r}: must be one of {', '.join(names)}", param_hint="--runs")
-    context = ReadingsContext(
-        format=told_format, units=None, axis=None, runs=None if runs is None else Runs(runs)
-    )
-    try:
-        before = merged([read_survey(file, context) for file in files]).in_units(story.units)
-        check_same_axis(before.source, before.axis, "the table", story.axis)
-        check_uncorrected(before.source, before.facts, "draw the table without them, or give those before it")
-        after = predicted_residue(before, table)
-        left_out = _left_out(before, table)
-    except TabFileError as error:
-        print_lines((f"error: {problem}" for problem in error.problems), err=True)
-        raise typer.Exit(1) from None
-    except (MetrologyError, ValueError) as error:
-        print_lines([f"error: {error}"], err=True)
-        raise typer.Exit(1) from None
-    return replace(
-        story,
-        before=before,
-        after=after,
-        is_predicted=True,
-        left_out=left_out,
-        facts={**before.facts, **story.facts, "readings": before.source},
-        notes=(*story.notes, *after.remarks),
-    )
+
+@dataclass(frozen=True, slots=True)
+class ShapeOptions:
+    """How a table follows readings."""
+
+    one_way: Annotated[
+        bool, typer.Option("--one-way", help="One curve for both directions, from what was measured.")
+    ] = False
+    fit: Annotated[
+        Fit,
+        typer.Option(
+            "--fit", help="What the table follows between the targets; auto: what leaves least there."
+        ),
+    ] = Fit.AUTO
+    screw: ScrewOptions = ScrewOptions()
+
+
+@dataclass(frozen=True, slots=True)
+class OutOptions:
+    """How OUT is written, besides its format."""
+
+    to_counts_per_unit: Annotated[
+        float | None,
+        typer.Option(metavar="N", help="Encoder counts per unit of the control that will read OUT."),
+    ] = None
+    to_sense: Annotated[
+        ErrorSense | None,
+        typer.Option("--to-sense", help="What OUT calls an error, if its format leaves that open."),
+    ] = None
+    to_file_axis: Annotated[
+        str | None,
+        typer.Option(
+            "--to-file-axis", metavar="NAME", help="What OUT calls the axis, if its format names axes."
+        ),
+    ] = None
+
+    def writing(self, axis: str | None) -> WriteOptions:
+        """Return it for a writer, with the letter of the axis."""
+        return WriteOptions(axis, self.to_counts_per_unit, file_axis=self.to_file_axis, sense=self.to_sense)

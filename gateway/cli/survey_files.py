@@ -1,34 +1,27 @@
-"""What the commands that take readings share: options, reading, writing, errors."""
+"""What the commands that take readings share: reading them, and writing a table of them."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import ceil, floor, log10
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from gateway.cli.output import print_lines
+from gateway.cli.readings_options import ScrewOptions
 from gateway.cli.table_output import finding_line
 from gateway.compensation.errors import TableError
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.compensation.table import CorrectionTable
-from gateway.compensation.units import Units
-from gateway.metrology.build import HomeCase
 from gateway.metrology.drift import at_20_degrees
-from gateway.metrology.errors import MetrologyError, ReadingsError
-from gateway.metrology.formats import FORMATS, ReadingsContext, Runs, is_readings, read_survey
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.formats import ReadingsContext, is_readings, read_survey
 from gateway.metrology.lead import Period, periods_of
 from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES, Survey, merged
-from gateway.metrology.shapes import Fit
 from gateway.metrology.understood import understood
 from gateway.tabfile import (
     DIALECTS,
-    ContextError,
     Dialect,
-    ErrorSense,
     LoadedTable,
     Problem,
     TabFileError,
@@ -42,97 +35,6 @@ from gateway.tabfile.conversion import MEASURED_DECIMALS, tidied
 
 STEEP = "L1"
 """Lint of a table that is steeper than the axis allows."""
-NAMES = ", ".join(each.name for each in FORMATS)
-
-ReadingFiles = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="READINGS...",
-        help="Files of readings: CSV, a manual table, Renishaw .rtl, API .pos, or a spreadsheet (.xlsx).",
-        show_default=False,
-        readable=False,
-    ),
-]
-OutFile = Annotated[
-    Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False, readable=False)
-]
-To = Annotated[
-    str, typer.Option("--to", metavar="FORMAT", help="Format of OUT; pitch-gateway table formats lists all.")
-]
-ToUnits = Annotated[Units | None, typer.Option(help="Units of OUT; default: those of the readings.")]
-ToCounts = Annotated[
-    float | None,
-    typer.Option(metavar="N", help="Encoder counts per unit of the control that will read OUT."),
-]
-ToSense = Annotated[
-    ErrorSense | None,
-    typer.Option("--to-sense", help="What OUT calls an error, if its format leaves that open."),
-]
-ToFileAxis = Annotated[
-    str | None,
-    typer.Option("--to-file-axis", metavar="NAME", help="What OUT calls the axis, if its format names axes."),
-]
-ReadingsUnits = Annotated[Units | None, typer.Option("--units", help="Units of readings that state none.")]
-ReadingsFormat = Annotated[
-    str | None,
-    typer.Option("--readings-format", metavar="NAME", help=f"Where it is not plain: {NAMES}."),
-]
-RunsTold = Annotated[
-    Runs | None,
-    typer.Option("--runs", help="Directions of the runs of a file that does not prove them."),
-]
-Home = Annotated[
-    HomeCase | None,
-    typer.Option(
-        "--home",
-        help="Where the correction is 0. switch-positive: travel has positive positions, and the home switch "
-        "is at its negative end. switch-negative: travel has negative positions, and the switch is at its "
-        "positive end. mark: a reference mark at 0.",
-    ),
-]
-OneWay = Annotated[
-    bool, typer.Option("--one-way", help="One curve for both directions, from what was measured.")
-]
-FitWish = Annotated[
-    Fit,
-    typer.Option("--fit", help="What the table follows between the targets; auto: what leaves least there."),
-]
-Lead = Annotated[
-    float | None,
-    typer.Option(
-        "--lead",
-        help="Lead of the screw, in the units of the readings: once and twice a turn the error may repeat. "
-        "Default: the line '# lead' of the readings.",
-    ),
-]
-Turns = Annotated[
-    list[float] | None,
-    typer.Option(
-        "--period", help="Another length after which it may repeat: a turn of motor or gear; again for more."
-    ),
-]
-To20 = Annotated[
-    float | None,
-    typer.Option(
-        "--to-20c",
-        metavar="COEFFICIENT",
-        help="Normalise to 20 °C: the screw grows by so many µm a metre and kelvin, 11.5 for steel. The "
-        "readings carry temperatures.",
-    ),
-]
-KeepScale = Annotated[
-    bool,
-    typer.Option("--keep-scale", help="Make the table though the readings are wrong by more than 0.3 mm/m."),
-]
-MaxSlope = Annotated[
-    float | None,
-    typer.Option(
-        "--max-slope",
-        help="Steepest table that may be made, as max_slope of the axis. Default: the line '# max_slope' "
-        "of the readings, or 0.01.",
-    ),
-]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite OUT.")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +52,7 @@ class WrittenTable:
             "losses": list(self.result.losses),
             "largest_difference": self.difference,
             "read_with": conversion.told_to_reader(self.result, dialect_named(self.again.format)),
-            "lints": [lint.to_json() for lint in self.again.lints],
+            "lints": [lint.as_data() for lint in self.again.lints],
         }
 
     def lines(self, out: Path) -> Iterator[str]:
@@ -165,55 +67,37 @@ class WrittenTable:
         yield from (finding_line(str(out), lint) for lint in self.again.lints)
         yield f"largest difference of a correction after reading it back: {self.difference:.3g}"
 
-
-@contextmanager
-def problems() -> Iterator[None]:
-    """Turn a bad file, readings or a table that cannot be into lines on stderr and exit code 1."""
-    try:
-        yield
-    except ContextError as error:
-        raise typer.BadParameter(str(error)) from error
-    except TabFileError as error:
-        print_lines((f"error: {problem}" for problem in error.problems), err=True)
-        raise typer.Exit(1) from None
-    except (MetrologyError, TableError, ValueError) as error:
-        print_lines([f"error: {error}"], err=True)
-        raise typer.Exit(1) from None
+    def put(self, out: Path, *, force: bool) -> None:
+        """Write the file; see :func:`write_file`."""
+        write_file(out, self.result.text, force=force, encoding=self.result.encoding)
 
 
-def read_all(files: Sequence[Path], context: ReadingsContext) -> Survey:
-    """Read files of one axis as one survey.
+def read_all(
+    files: Sequence[Path], context: ReadingsContext, screw: ScrewOptions, *, is_quiet: bool
+) -> Survey:
+    """Read files of one axis as one survey, and say what was understood of it, unless quiet.
+
+    It is normalised to 20 °C, if that was asked.
 
     Raises:
-        TabFileError, ReadingsError: see there.
+        TabFileError, ReadingsError: see there, and :func:`gateway.metrology.drift.at_20_degrees`.
     """
-    return merged([read_survey(file, context) for file in files])
-
-
-def prepared(survey: Survey, to_20c: float | None, *, is_quiet: bool) -> Survey:
-    """Say what was understood of readings, unless quiet, and return them as they are to be used.
-
-    They are normalised to 20 °C, if that was asked.
-
-    Raises:
-        ReadingsError: see :func:`gateway.metrology.drift.at_20_degrees`.
-    """
+    survey = merged([read_survey(file, context) for file in files])
     if not is_quiet:
         typer.echo(f"read: {understood(survey)}")
-    return survey if to_20c is None else at_20_degrees(survey, to_20c)
+    return survey if screw.to_20c is None else at_20_degrees(survey, screw.to_20c)
 
 
-def periods_of_readings(
-    survey: Survey, lead: float | None, turns: Sequence[float] | None
-) -> tuple[Period, ...]:
+def periods_of_readings(survey: Survey, screw: ScrewOptions) -> tuple[Period, ...]:
     """Return what the error may repeat with: as told, or as the readings say.
 
     Raises:
         ReadingsError: a lead or a period that is no length.
     """
+    lead = screw.lead
     if lead is None and (stated := survey.facts.get("lead")) is not None:
         lead = _number(survey.source, "lead", stated, "in the units of the targets", "lead")
-    return periods_of(lead, turns or ())
+    return periods_of(lead, screw.period or ())
 
 
 def _number(source: str, name: str, stated: str, what: str, option: str) -> float:

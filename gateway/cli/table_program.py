@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli import survey_files as shared
+from gateway.cli.readings_options import Force
+from gateway.cli.survey_files import write_file
+from gateway.cli.table_reading import problems
 from gateway.compensation.units import Units
 from gateway.metrology import program as maths
 
@@ -61,7 +63,7 @@ def program(
     ] = None,
     axis: Annotated[str, typer.Option("--axis", metavar="LETTER", help="The axis.")] = "X",
     units: Annotated[Units, typer.Option("--units", help="Units of all lengths.")] = Units.MM,
-    force: shared.Force = False,
+    force: Force = False,
 ) -> None:
     """Write a program for the control, or a list of targets, for a measurement.
 
@@ -77,7 +79,7 @@ def program(
       pitch-gateway table program targets.txt --from 0 --to 500 --targets 21 --write list --seed 7
     """
     _check(kind, step, targets, travel)
-    with shared.problems():
+    with problems():
         stops = _Targets(low, high, step, targets, seed, spread).stops(kind, units)
         cycle = maths.Cycle(
             axis=axis,
@@ -95,7 +97,7 @@ def program(
         if out is None:
             typer.echo(text, nl=False)
         else:
-            shared.write_file(out, text, force=force)
+            write_file(out, text, force=force)
             _say_written(out, stops, maths.DECIMALS[units])
 
 

@@ -29,7 +29,7 @@ class Lint:
     message: str
     line: int | None = None
 
-    def to_json(self) -> dict[str, object]:
+    def as_data(self) -> dict[str, object]:
         """Return the remark as plain data."""
         return {
             "code": self.code,
