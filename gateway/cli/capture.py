@@ -14,6 +14,7 @@ import typer
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit
 from gateway.cli.output import Format, print_json, print_lines
+from gateway.files import create
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -161,7 +162,7 @@ def _opened(pcapng: str | None) -> "Iterator[BinaryIO | None]":
         yield sys.stdout.buffer
         return
     try:
-        descriptor = os.open(pcapng, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        descriptor = create(Path(pcapng))
     except FileExistsError:
         raise NothingTakenError(f"{pcapng}: exists already; write into a new file, or remove it") from None
     except OSError as error:

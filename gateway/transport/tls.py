@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from gateway.files import FileRefusedError, read_regular_file
+from gateway.files import FileRefusedError, mark_of, read_regular_file
 from gateway.secret_files import refuse_open_to_others
 from gateway.transport.certificates import LARGEST_FILE, Held, TlsFileError, TlsFiles, read_held
 
@@ -108,7 +108,7 @@ def _sight(path: Path) -> object:
         status = path.stat()
     except OSError as error:
         return error.errno
-    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_mode
+    return mark_of(status), status.st_mode
 
 
 def _look_at(key: str, path: Path) -> None:
