@@ -1,6 +1,5 @@
 """``pitch-gateway capture CONFIG``."""
 
-import json
 import os
 import sys
 import time
@@ -144,7 +143,7 @@ def _print(found: "Iterable[Frame]", console: "Console", *, as_json: bool) -> No
 
     for frame in found:
         if as_json:
-            sys.stdout.write(json.dumps(frame.as_data(), ensure_ascii=False) + "\n")
+            print_json(frame.as_data(), Format.LINE)
         else:
             colour = TROUBLE if frame.is_trouble else COLOURS.get(frame.kind, "yellow")
             console.print(Text(frame.words, colour))

@@ -117,6 +117,7 @@ def _perform(options: DemoOptions, *, live: bool) -> bool:
 async def _once(folder: Path, options: DemoOptions) -> bool:
     """One round with a line for each step, and its result."""
     from rich.console import Console
+    from rich.text import Text
 
     from gateway.cli.demo_screen import Narrator, summary
     from gateway.commissioning.demo.cycle import run_round
@@ -129,13 +130,8 @@ async def _once(folder: Path, options: DemoOptions) -> bool:
     if options.report is not None:
         _write_report(view, options.report, force=options.force)
     found = Demonstrated(view, time.monotonic() - started_s, options.keep, options.report)
-    if options.json_output:
-        show(found, Format.INDENTED_ASCII)
-    else:
-        console = Console()
-        console.print(summary(view))
-        for line in found.lines():
-            console.print(line, highlight=False)
+    form = Format.INDENTED_ASCII if options.json_output else Format.TEXT
+    show(found, form, (summary(view), *map(Text, found.lines())))
     return found.is_good
 
 

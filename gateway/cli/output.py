@@ -21,6 +21,7 @@ class Format(Enum):
     TEXT = "text"
     JSON = (None, True)
     """In one line."""
+    LINE = (None, False)
     INDENTED = (2, False)
     INDENTED_ASCII = (2, True)
 
