@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO, Final
 
 import typer
 
-from gateway.cli.arguments import Config
+from gateway.cli.arguments import Config, Line
 from gateway.cli.configuration import load_or_exit
 from gateway.cli.output import Format, print_json, print_lines
 from gateway.files import create
@@ -44,7 +44,7 @@ def capture(
     follow: Annotated[
         bool, typer.Option("--follow", "-f", help="Go on with what comes, until Ctrl-C.")
     ] = False,
-    line: Annotated[str | None, typer.Option("--line", help="Only this line of the gateway.")] = None,
+    line: Line = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print frames, or what was written, as JSON lines.")
     ] = False,

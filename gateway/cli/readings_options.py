@@ -6,11 +6,12 @@ from typing import Annotated
 
 import typer
 
+from gateway.cli.table_options import ToFileAxis, ToSense
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeCase
 from gateway.metrology.formats import FORMATS, ReadingsContext, Runs
 from gateway.metrology.shapes import Fit
-from gateway.tabfile import ErrorSense, WriteOptions
+from gateway.tabfile import WriteOptions
 
 NAMES = ", ".join(each.name for each in FORMATS)
 
@@ -22,9 +23,6 @@ ReadingFiles = Annotated[
         show_default=False,
         readable=False,
     ),
-]
-OutFile = Annotated[
-    Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False, readable=False)
 ]
 Home = Annotated[
     HomeCase | None,
@@ -43,7 +41,6 @@ MaxSlope = Annotated[
         "of the readings, or 0.01.",
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite OUT.")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,16 +115,8 @@ class OutOptions:
         float | None,
         typer.Option(metavar="N", help="Encoder counts per unit of the control that will read OUT."),
     ] = None
-    to_sense: Annotated[
-        ErrorSense | None,
-        typer.Option("--to-sense", help="What OUT calls an error, if its format leaves that open."),
-    ] = None
-    to_file_axis: Annotated[
-        str | None,
-        typer.Option(
-            "--to-file-axis", metavar="NAME", help="What OUT calls the axis, if its format names axes."
-        ),
-    ] = None
+    to_sense: ToSense = None
+    to_file_axis: ToFileAxis = None
 
     def writing(self, axis: str | None) -> WriteOptions:
         """Return it for a writer, with the letter of the axis."""

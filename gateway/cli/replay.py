@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gateway.cli.arguments import AsJson
+from gateway.cli.arguments import AsJson, Line
 from gateway.cli.configuration import load_or_exit
 from gateway.cli.output import Aside, Format, show
 
@@ -26,7 +26,7 @@ def replay(
         Path | None,
         typer.Option("--config", help="Replay it with this configuration in place of the recorded one."),
     ] = None,
-    line: Annotated[str | None, typer.Option("--line", help="Only this line of the gateway.")] = None,
+    line: Line = None,
     show_traffic: Annotated[bool, typer.Option("--show", help="Print the traffic, readable.")] = False,
     as_json: AsJson = False,
 ) -> None:

@@ -11,7 +11,7 @@ from gateway.cli import readings_options as given
 from gateway.cli import survey_files as shared
 from gateway.cli.options import takes_options
 from gateway.cli.output import Aside, Format, print_lines, show
-from gateway.cli.table_options import AsJson, AxisLetter, Counts
+from gateway.cli.table_options import AsJson, AxisLetter, Counts, Force, OutFile
 from gateway.cli.table_output import PLAIN_WIDTH, PREDICTED, results_lines
 from gateway.cli.table_reading import problems
 from gateway.compensation.table import CorrectionTable
@@ -89,13 +89,13 @@ class BuildOptions:
     )
     out: given.OutOptions = field(default_factory=given.OutOptions)
     readings: given.FormatOptions = field(default_factory=given.FormatOptions)
-    force: given.Force = False
+    force: Force = False
 
 
 @takes_options
 def build(
     readings: given.ReadingFiles,
-    out: given.OutFile,
+    out: OutFile,
     *,
     options: BuildOptions,
     json: AsJson = False,

@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
-from gateway.cli.table_options import AsJson, Target, Told, Wanted
+from gateway.cli.table_options import AsJson, Force, OutFile, Target, Told, Wanted
 from gateway.cli.table_reading import inspect, problems
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
@@ -42,14 +41,12 @@ from gateway.tabfile.options import MAX_SCALE, MIN_SCALE
 @takes_options
 def convert(
     file: TableFile,
-    out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False, readable=False)
-    ],
+    out: OutFile,
     *,
     to: Target,
     wanted: Wanted,
     told: Told,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite OUT.")] = False,
+    force: Force = False,
     json: AsJson = False,
 ) -> None:
     """Write a table in another format, and say what that format cannot hold.

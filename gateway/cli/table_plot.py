@@ -10,9 +10,9 @@ import typer
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
-from gateway.cli.readings_options import Force, ScrewOptions
+from gateway.cli.readings_options import ScrewOptions
 from gateway.cli.survey_files import periods_of_readings
-from gateway.cli.table_options import AsJson, Counts, Told
+from gateway.cli.table_options import AsJson, Counts, Force, Told
 from gateway.cli.table_output import finding_line
 from gateway.cli.table_reading import inspect, problems
 from gateway.compensation.table import CorrectionTable

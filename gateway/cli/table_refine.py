@@ -13,7 +13,7 @@ from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Aside, Format, show
 from gateway.cli.table_convert import letter_for
-from gateway.cli.table_options import AsJson, Told
+from gateway.cli.table_options import AsJson, Force, OutFile, Told
 from gateway.cli.table_reading import inspect, problems
 from gateway.metrology.circumstances import check_corrected, check_same_axis
 from gateway.metrology.deviation import small_unit
@@ -47,7 +47,7 @@ class RefineOptions:
     told: Told = field(default_factory=Told)
     out: given.OutOptions = field(default_factory=given.OutOptions)
     readings: given.FormatOptions = field(default_factory=given.FormatOptions)
-    force: given.Force = False
+    force: Force = False
 
 
 @takes_options
@@ -62,7 +62,7 @@ def refine(
             readable=False,
         ),
     ],
-    out: given.OutFile,
+    out: OutFile,
     *,
     options: RefineOptions,
     json: AsJson = False,
