@@ -1,5 +1,6 @@
-"""Options of the commands that take readings; what several of them take is declared once, here."""
+"""Options of the commands that take readings, each declared once, and what is understood of them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -7,11 +8,17 @@ from typing import Annotated
 import typer
 
 from gateway.cli.table_options import ToFileAxis, ToSense
+from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeCase
-from gateway.metrology.formats import FORMATS, ReadingsContext, Runs
+from gateway.metrology.drift import at_20_degrees
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.formats import FORMATS, ReadingsContext, Runs, read_survey
+from gateway.metrology.lead import Period, periods_of
+from gateway.metrology.readings import Survey, merged
 from gateway.metrology.shapes import Fit
-from gateway.tabfile import WriteOptions
+from gateway.metrology.understood import understood
+from gateway.tabfile import DIALECTS, Dialect, WriteOptions
 
 NAMES = ", ".join(each.name for each in FORMATS)
 
@@ -90,6 +97,17 @@ class ScrewOptions:
         ),
     ] = None
 
+    def periods(self, survey: Survey) -> tuple[Period, ...]:
+        """Return what the error may repeat with: as told, or as the readings say.
+
+        Raises:
+            ReadingsError: a lead or a period that is no length.
+        """
+        lead = self.lead
+        if lead is None and (stated := survey.facts.get("lead")) is not None:
+            lead = _number(survey.source, "lead", stated, "in the units of the targets", "lead")
+        return periods_of(lead, self.period or ())
+
 
 @dataclass(frozen=True, slots=True)
 class ShapeOptions:
@@ -121,3 +139,63 @@ class OutOptions:
     def writing(self, axis: str | None) -> WriteOptions:
         """Return it for a writer, with the letter of the axis."""
         return WriteOptions(axis, self.to_counts_per_unit, file_axis=self.to_file_axis, sense=self.to_sense)
+
+
+def read_all(
+    files: Sequence[Path], context: ReadingsContext, screw: ScrewOptions, *, is_quiet: bool
+) -> Survey:
+    """Read files of one axis as one survey, and say what was understood of it, unless quiet.
+
+    It is normalised to 20 °C, if that was asked.
+
+    Raises:
+        TabFileError, ReadingsError: see there, and :func:`gateway.metrology.drift.at_20_degrees`.
+    """
+    survey = merged([read_survey(file, context) for file in files])
+    if not is_quiet:
+        typer.echo(f"read: {understood(survey)}")
+    return survey if screw.to_20c is None else at_20_degrees(survey, screw.to_20c)
+
+
+def _number(source: str, name: str, stated: str, what: str, option: str) -> float:
+    try:
+        return float(stated)
+    except ValueError:
+        raise ReadingsError(
+            f"{source}: # {name}: {stated}: it must be a number, {what}; correct that line, or take it out "
+            f"and give --{option}"
+        ) from None
+
+
+def steep_allowed(survey: Survey, told: float | None) -> float:
+    """Return how steep a table may be: as told, or as the readings say, or as axes have it by default.
+
+    Raises:
+        BadParameter: what was told is no slope below 1.
+        ReadingsError: what the readings say is none.
+    """
+    if told is not None:
+        if not 0.0 < told < 1.0:
+            raise typer.BadParameter(
+                f"{told:g}: it must be above 0 and below 1, as max_slope of the axis",
+                param_hint="--max-slope",
+            )
+        return told
+    if (stated := survey.facts.get("max_slope")) is None:
+        return DEFAULT_MAX_SLOPE
+    limit = _number(survey.source, "max_slope", stated, "above 0 and below 1", "max-slope")
+    if not 0.0 < limit < 1.0:
+        raise ReadingsError(f"{survey.source}: # max_slope: {stated}: it must be above 0 and below 1")
+    return limit
+
+
+def dialect_to_write(name: str) -> Dialect:
+    """Return the dialect of a name.
+
+    Raises:
+        BadParameter: there is none, or no system reads it.
+    """
+    writable = {dialect.name: dialect for dialect in DIALECTS if dialect.is_writable}
+    if name not in writable:
+        raise typer.BadParameter(f"{name!r}: must be one of {', '.join(sorted(writable))}", param_hint="--to")
+    return writable[name]

@@ -13,7 +13,7 @@ from gateway.cli.output import Aside, Format
 from gateway.cli.table_convert import convert
 from gateway.cli.table_formats import formats
 from gateway.cli.table_options import AsJson, Counts, Told
-from gateway.cli.table_output import PLAIN_WIDTH, TableShown, explained, finding_line
+from gateway.cli.table_output import PLAIN_WIDTH, TableShown, explained
 from gateway.cli.table_plot import plot
 from gateway.cli.table_reading import inspect, problems
 from gateway.cli.table_template import template
@@ -167,8 +167,8 @@ class _Linted:
     def lines(self) -> Iterator[str]:
         """Yield them for a person."""
         failing = self.failing
-        yield from (finding_line(self.file, lint) for lint in self.lints if lint not in failing)
-        yield from (Aside(finding_line(self.file, lint)) for lint in failing)
+        yield from (lint.line_in(self.file) for lint in self.lints if lint not in failing)
+        yield from (Aside(lint.line_in(self.file)) for lint in failing)
         yield f"{self.file}: {self.format}, {self.points} points"
         yield f"{self._count(Severity.ERROR)} error(s), {self._count(Severity.WARNING)} warning(s)"
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from gateway.cli import readings_options as given
-from gateway.cli import survey_files as shared
 from gateway.cli.options import takes_options
 from gateway.cli.output import Aside, Format, print_lines, show
 from gateway.cli.table_options import AsJson, AxisLetter, Counts, Force, OutFile
 from gateway.cli.table_output import PLAIN_WIDTH, PREDICTED, results_lines
 from gateway.cli.table_reading import problems
+from gateway.commissioning.tables import WrittenTable, refusal, steep_notes, written_table
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.metrology.circumstances import check_uncorrected
@@ -114,7 +114,7 @@ def build(
 
       pitch-gateway table build run1.rtl run2.rtl cnc10x.tab --to centroid-3 --axis x --home switch-positive
     """
-    target = shared.dialect_to_write(options.to)
+    target = given.dialect_to_write(options.to)
     with problems():
         found = _built(readings, out, target, options, is_quiet=json)
     show(found, Format.INDENTED if json else Format.TEXT, plain_width=PLAIN_WIDTH)
@@ -126,10 +126,10 @@ def _built(
     """Make a table of readings and write it. Raises TabFileError, MetrologyError, TableError."""
     screw = options.shape.screw
     context = options.readings.context(options.units, options.axis)
-    survey = shared.read_all(files, context, screw, is_quiet=is_quiet)
+    survey = given.read_all(files, context, screw, is_quiet=is_quiet)
     check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
     survey = settled(survey, drop=options.drop_outliers)
-    periods = shared.periods_of_readings(survey, screw)
+    periods = screw.periods(survey)
     if not options.keep_scale:
         try:
             check_scale(survey, options.counts_per_unit, longest(periods))
@@ -138,7 +138,7 @@ def _built(
             raise
     writing = options.out.writing(options.axis or _letter(survey.axis) or axis_of_name(out.name))
     unit = options.to_units or survey.units
-    steepest = shared.steep_allowed(survey, options.max_slope)
+    steepest = given.steep_allowed(survey, options.max_slope)
     recipe = Recipe(
         options.home,
         options.step,
@@ -149,12 +149,12 @@ def _built(
         travel=options.travel,
         fit=options.shape.fit,
         periods=periods,
-        refusal=lambda each: shared.refusal(target, each.in_units(unit), writing, steepest),
+        refusal=lambda each: refusal(target, each.in_units(unit), writing, steepest),
     )
     built = build_from(survey, recipe)
     table = built.table.in_units(unit)
     try:
-        written = shared.written(table, target, writing, OWN_OPTIONS, steepest)
+        written = written_table(table, target, writing, steepest, OWN_OPTIONS)
     except TabFileError:
         _print_doubts(survey)
         raise
@@ -165,7 +165,7 @@ def _built(
         *built.notes,
         *notes_of(survey, options.counts_per_unit, lead=longest(periods)),
         *_one_curve(table, again, target.name),
-        *shared.steep_notes(again.table),
+        *steep_notes(again.table),
     ]
     written = replace(written, again=again)
     written.put(out, force=options.force)
@@ -188,7 +188,7 @@ class _BuiltTable:
 
     out: Path
     notes: list[str]
-    written: shared.WrittenTable
+    written: WrittenTable
     before: Evaluation
     predicted: Evaluation
     left_out: LeftOut | None

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from gateway.cli import readings_options as given
-from gateway.cli import survey_files as shared
 from gateway.cli.options import takes_options
 from gateway.cli.output import Aside, Format, show
 from gateway.cli.table_options import AsJson, Counts, Told
@@ -121,11 +120,11 @@ def _judged(files: list[Path], options: EvaluateOptions, *, is_quiet: bool) -> "
     """
     context = options.readings.context(options.told.units, options.told.axis)
     screw = options.screw
-    before = settled(shared.read_all(files, context, screw, is_quiet=is_quiet))
+    before = settled(given.read_all(files, context, screw, is_quiet=is_quiet))
     loaded = None
     second = None
     if options.after:
-        second = shared.read_all(options.after, context, screw, is_quiet=is_quiet)
+        second = given.read_all(options.after, context, screw, is_quiet=is_quiet)
         second = settled(second.in_units(before.units))
         check_same_axis(before.source, before.axis, second.source, second.axis)
     if options.table is not None:
@@ -135,7 +134,7 @@ def _judged(files: list[Path], options: EvaluateOptions, *, is_quiet: bool) -> "
         second = predicted_residue(before, loaded.table)
     results = (iso_230_2(before), iso_230_2(second) if second else None)
     notes = _all_notes((before, second), results, is_predicted=loaded is not None)
-    periods = shared.periods_of_readings(before, screw)
+    periods = screw.periods(before)
     turn, has_scale = longest(periods), not was_corrected(before.facts)
     notes = (*notes, *notes_of(before, options.counts_per_unit, with_scale=has_scale, lead=turn))
     if second is not None and loaded is None:

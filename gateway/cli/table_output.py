@@ -9,7 +9,7 @@ from gateway.metrology.results import NAMES, left_out_line, values_of
 from gateway.metrology.shapes import LeftOut
 from gateway.metrology.standard_asks import missing_line, missing_of, title_of
 from gateway.report.findings import other_stretch
-from gateway.tabfile import Explanation, Lint, LoadedTable, SourceRow
+from gateway.tabfile import Explanation, LoadedTable, SourceRow
 from gateway.tabfile.explanation import DirectionExplained
 
 if TYPE_CHECKING:
@@ -19,12 +19,6 @@ PREDICTED: Final = "predicted"
 """The title of figures that nobody measured."""
 PLAIN_WIDTH = 140
 """Columns of a rich table that does not go to a terminal."""
-
-
-def finding_line(file: str, lint: Lint) -> str:
-    """Render a remark as one line: place, severity, code, message."""
-    place = file if lint.line is None else f"{file}:{lint.line}"
-    return f"{place}: {lint.severity.value} {lint.code} {lint.message}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +103,7 @@ def remarks(loaded: LoadedTable) -> Iterator[str]:
     """Yield how open questions were settled, what the control did besides the table, and every lint."""
     yield from (f"decided: {decision}" for decision in loaded.source.decisions)
     yield from (f"to do as its control did, for the axis: {line}" for line in loaded.source.behaves_as)
-    yield from (finding_line(loaded.file, lint) for lint in loaded.lints)
+    yield from (lint.line_in(loaded.file) for lint in loaded.lints)
 
 
 def _direction_cells(

@@ -11,9 +11,7 @@ from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
 from gateway.cli.readings_options import ScrewOptions
-from gateway.cli.survey_files import periods_of_readings
 from gateway.cli.table_options import AsJson, Counts, Force, Told
-from gateway.cli.table_output import finding_line
 from gateway.cli.table_reading import inspect, problems
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.circumstances import check_same_axis, check_uncorrected
@@ -148,7 +146,7 @@ def story_of(loaded: LoadedTable, axis: str | None) -> AxisStory:
     }
     notes = (
         *(f"decided: {decision}" for decision in loaded.source.decisions),
-        *(finding_line(Path(loaded.file).name, lint) for lint in loaded.lints),
+        *(lint.line_in(Path(loaded.file).name) for lint in loaded.lints),
     )
     return AxisStory(name, table.units, table, facts=facts, notes=notes)
 
@@ -186,7 +184,7 @@ def _left_out(survey: Survey, table: CorrectionTable) -> LeftOut | None:
     """Return E that a table will leave between the targets; None where there are too few to tell."""
     from gateway.metrology.screw import LEAST_TARGETS, MOST_TARGETS, screw_of
 
-    periods = periods_of_readings(survey, ScrewOptions())
+    periods = ScrewOptions().periods(survey)
     if not LEAST_TARGETS <= len({each.target for each in survey.readings}) <= MOST_TARGETS:
         return None
     return screw_of(survey.readings, survey.units, periods).left_out(table)

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli.survey_files import write_file
 from gateway.cli.table_options import Force
 from gateway.cli.table_reading import problems
+from gateway.commissioning.tables import write_file
 from gateway.compensation.units import Units
 from gateway.metrology import program as maths
 

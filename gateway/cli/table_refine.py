@@ -8,13 +8,13 @@ from typing import Annotated, Final
 import typer
 
 from gateway.cli import readings_options as given
-from gateway.cli import survey_files as shared
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Aside, Format, show
 from gateway.cli.table_convert import letter_for
 from gateway.cli.table_options import AsJson, Force, OutFile, Told
 from gateway.cli.table_reading import inspect, problems
+from gateway.commissioning.tables import WrittenTable, refusal, steep_notes, written_table
 from gateway.metrology.circumstances import check_corrected, check_same_axis
 from gateway.metrology.deviation import small_unit
 from gateway.metrology.refine import Points, Refined, refine_table
@@ -89,15 +89,15 @@ def _refined(
     """Refine a table and write it. Raises TabFileError, MetrologyError, TableError."""
     told, screw = options.told, options.shape.screw
     loaded = inspect(file, told.context())
-    target = dialect_named(loaded.format) if options.to is None else shared.dialect_to_write(options.to)
+    target = dialect_named(loaded.format) if options.to is None else given.dialect_to_write(options.to)
     context = options.readings.context(told.units, told.axis)
-    survey = shared.read_all(readings, context, screw, is_quiet=is_quiet)
+    survey = given.read_all(readings, context, screw, is_quiet=is_quiet)
     check_same_axis(survey.source, survey.axis, file.name, loaded.source.axis)
     check_corrected(survey.source, survey.facts, file.name, loaded.sha256)
     old = loaded.table.in_units(survey.units)
     asked = options.out.writing(letter_for(loaded, told.axis, out))
     writing = _as_old(replace(asked, is_modulo=is_modulo(loaded, loaded.table)), loaded, target, told)
-    steepest = shared.steep_allowed(survey, options.max_slope)
+    steepest = given.steep_allowed(survey, options.max_slope)
     refined = refine_table(
         old,
         survey,
@@ -105,15 +105,15 @@ def _refined(
         points=Points.UNION if options.union else Points.TABLE,
         one_way=options.shape.one_way,
         fit=options.shape.fit,
-        periods=shared.periods_of_readings(survey, screw),
-        refusal=lambda each: shared.refusal(target, each.in_units(loaded.table.units), writing, steepest),
+        periods=screw.periods(survey),
+        refusal=lambda each: refusal(target, each.in_units(loaded.table.units), writing, steepest),
     )
     refined = replace(refined, notes=(*refined.notes, *notes_of(survey, with_scale=False)))
     table = refined.table.in_units(loaded.table.units)
     writing = replace(writing, is_modulo=is_modulo(loaded, table))
-    written = shared.written(table, target, writing, OWN_OPTIONS, steepest)
+    written = written_table(table, target, writing, steepest, OWN_OPTIONS)
     again = written.again
-    refined = replace(refined, notes=(*refined.notes, *shared.steep_notes(again.table)))
+    refined = replace(refined, notes=(*refined.notes, *steep_notes(again.table)))
     losses = (*written.result.losses, *turns_lost(loaded, again.source.modulo))
     written = replace(written, result=replace(written.result, losses=losses))
     written.put(out, force=options.force)
@@ -127,7 +127,7 @@ class _RefinedTable:
     file: Path
     out: Path
     refined: Refined
-    written: shared.WrittenTable
+    written: WrittenTable
 
     def as_data(self) -> dict[str, object]:
         """Return it as plain data."""
