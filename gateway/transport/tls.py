@@ -40,7 +40,7 @@ def server_context(files: TlsFiles) -> ssl.SSLContext:
     """
     paths = files.paths
     for key, path in paths.items():
-        _look_at(key, path)
+        check_pem(key, path)
     context = bare_server_context()
     context.verify_mode = ssl.CERT_REQUIRED
     _load_own(context, paths)
@@ -111,7 +111,12 @@ def _sight(path: Path) -> object:
     return mark_of(status), status.st_mode
 
 
-def _look_at(key: str, path: Path) -> None:
+def check_pem(key: str, path: Path) -> None:
+    """Check that a file in PEM can be read; that of ``key`` not by every user.
+
+    Raises:
+        TlsFileError: it cannot be read, or every user may read the key.
+    """
     try:
         read_regular_file(path, LARGEST_FILE, "a file in PEM")
         if key == "key":
