@@ -60,13 +60,12 @@ def with_readings(
         BadParameter: ``runs`` is no way of making them.
         Exit: code 1, the files are no readings of this axis; each problem is a line on stderr.
     """
-    from gateway.metrology.circumstances import check_same_axis, check_uncorrected
     from gateway.metrology.formats import (
         ReadingsContext,
         Runs,
         read_survey,
     )
-    from gateway.metrology.readings import merged
+    from gateway.metrology.readings import check_same_axis, check_uncorrected, merged
     from gateway.metrology.residue import (
         predicted_residue,
     )

@@ -21,9 +21,8 @@ from gateway.metrology.errors import MetrologyError, ReadingsError
 from gateway.metrology.formats import FORMATS, ReadingsContext, Runs, is_readings, read_survey
 from gateway.metrology.lead import Period, periods_of
 from gateway.metrology.lookup import correction_at
-from gateway.metrology.readings import APPROACHES, Survey, merged
+from gateway.metrology.readings import APPROACHES, Survey, merged, understood
 from gateway.metrology.shapes import Fit
-from gateway.metrology.understood import understood
 from gateway.tabfile import (
     DIALECTS,
     ContextError,

@@ -11,19 +11,17 @@ from gateway.cli.output import print_json, print_lines
 from gateway.cli.table_options import AsJson, AxisLetter, Counts
 from gateway.cli.table_output import PREDICTED, results_text
 from gateway.compensation.table import CorrectionTable
-from gateway.metrology.circumstances import check_uncorrected
 from gateway.metrology.doubts import doubts_of
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.lead import longest
-from gateway.metrology.readings import Survey
+from gateway.metrology.readings import Survey, check_uncorrected, understood
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import predicted_residue
 from gateway.metrology.results import evidence_json, predicted_json, results_json
 from gateway.metrology.scale import check_scale
 from gateway.metrology.shapes import Fit, LeftOut
-from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
 from gateway.metrology.wrong_runs import settled
 from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, axis_of_name

@@ -14,18 +14,16 @@ from gateway.cli.table_options import AsJson, Counts, Told
 from gateway.cli.table_output import PREDICTED, results_text
 from gateway.cli.table_reading import inspect
 from gateway.metrology import results as judged
-from gateway.metrology.circumstances import check_same_axis, check_uncorrected, was_corrected
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.evaluation import evaluate as iso_230_2
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.lead import Period, longest
 from gateway.metrology.outliers import find_outliers
-from gateway.metrology.readings import Survey
+from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, understood, was_corrected
 from gateway.metrology.residue import predicted_residue
 from gateway.metrology.shapes import LeftOut
 from gateway.metrology.uncertainty import budget_of
-from gateway.metrology.understood import understood
 from gateway.metrology.whole import json_of, notes_of
 from gateway.metrology.wrong_runs import settled
 from gateway.report.findings import find, other_stretch

@@ -15,10 +15,9 @@ from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
-from gateway.metrology.deviation import Small, small_unit
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import evaluate
-from gateway.metrology.readings import Reading, Survey
+from gateway.metrology.readings import Reading, Small, Survey, small_unit
 
 STEEL: Final = 11.5
 """µm a metre and kelvin: what screws are made of."""

@@ -18,8 +18,8 @@ from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeCase, HomeReference
-from gateway.metrology.deviation import small_unit
 from gateway.metrology.lead import lead_warnings
+from gateway.metrology.readings import small_unit
 from gateway.metrology.resample import DIGITS, at_positions, fewest_points, grid_positions
 from gateway.metrology.screw import Harmonic, Jump, Screw
 from gateway.metrology.shapes import Fit, Shape

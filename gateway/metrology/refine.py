@@ -11,12 +11,11 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeReference, build_table, referenced
-from gateway.metrology.circumstances import was_corrected
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period
 from gateway.metrology.lookup import correction_at
 from gateway.metrology.outliers import find_outliers
-from gateway.metrology.readings import APPROACHES, Survey
+from gateway.metrology.readings import APPROACHES, Survey, was_corrected
 from gateway.metrology.residue import predicted_residue
 from gateway.metrology.shapes import Fit, LeftOut
 from gateway.metrology.smooth import Change

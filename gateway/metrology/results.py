@@ -6,9 +6,9 @@ Results of ISO 230-2 and VDI/DGQ 3441, whether a limit is kept, and what a table
 from typing import TYPE_CHECKING, Final
 
 from gateway.compensation.units import Units
-from gateway.metrology.deviation import Small, small_unit
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.readings import Small, small_unit
 from gateway.metrology.shapes import LeftOut
 from gateway.metrology.standard_asks import missing_of
 from gateway.metrology.uncertainty import Budget, Known, verdict

@@ -1,9 +1,8 @@
 """What readings say as a whole: their scale, and whether the machine changed while they were taken."""
 
 from gateway.compensation.units import Units
-from gateway.metrology.deviation import small_unit
 from gateway.metrology.drift import drift_line, drift_of, e_with_and_without
-from gateway.metrology.readings import Survey
+from gateway.metrology.readings import Survey, small_unit
 from gateway.metrology.scale import LEAST_TURNS, is_short, told_scale
 from gateway.metrology.wrong_runs import aside_notes
 

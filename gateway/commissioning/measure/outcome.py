@@ -17,14 +17,12 @@ from gateway.config.axis_model import AxisSection
 from gateway.config.tables import context_of, write_options_of
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.build import HomeReference
-from gateway.metrology.circumstances import check_uncorrected
-from gateway.metrology.deviation import small_unit
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats.context import ReadingsContext
 from gateway.metrology.formats.load import is_readings, read_survey
 from gateway.metrology.lead import Period, longest
-from gateway.metrology.readings import Survey
+from gateway.metrology.readings import Survey, check_uncorrected, small_unit
 from gateway.metrology.recipe import Built, Recipe, build_from
 from gateway.metrology.refine import Refined, refine_table
 from gateway.metrology.resample import grid_positions

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compensation.units import Units
-from gateway.metrology.circumstances import STATED
+from gateway.metrology.readings import STATED
 from gateway.tabfile.csv_text import GROUPED, split_cells
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal
