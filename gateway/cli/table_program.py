@@ -9,7 +9,7 @@ import typer
 
 from gateway.cli import survey_files as shared
 from gateway.compensation.units import Units
-from gateway.metrology import program as maths
+from gateway.metrology import cycle as maths
 
 
 class Kind(Enum):
@@ -146,7 +146,7 @@ def _text(kind: Kind, stops: list[float], cycle: maths.Cycle, travel: tuple[floa
     if kind is Kind.LIST:
         maths.check_targets(stops, cycle.units, travel)
         return "".join(f"{maths.fixed(stop, maths.DECIMALS[cycle.units])}\n" for stop in stops)
-    return maths.bidirectional_cycle(stops, cycle, travel)
+    return maths.cycle_program(stops, cycle, travel)
 
 
 def _say_written(out: Path, stops: list[float], decimals: int) -> None:

@@ -10,9 +10,9 @@ from itertools import pairwise
 from typing import Final
 
 from gateway.compensation.units import Units
+from gateway.metrology.cycle import enough_targets
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.lead import even_step
-from gateway.metrology.program import enough_targets
 
 RUNS: Final = 5
 LONG_MM: Final = 2000.0

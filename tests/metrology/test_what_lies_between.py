@@ -11,6 +11,7 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeCase
+from gateway.metrology.cycle import random_targets
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import (
     Period,
@@ -23,7 +24,6 @@ from gateway.metrology.lead import (
     unseen,
 )
 from gateway.metrology.process import ANALYTIC, Kind, Samples, fitted
-from gateway.metrology.program import random_targets
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.screw import screw_of
