@@ -15,7 +15,7 @@ from gateway.tabfile import TabFileError
 
 if TYPE_CHECKING:
     from gateway.metrology.readings import Survey
-    from gateway.metrology.shapes import LeftOut
+    from gateway.metrology.residue import LeftOut
 
 Readings = Annotated[
     list[Path] | None,

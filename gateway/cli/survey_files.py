@@ -15,14 +15,13 @@ from gateway.compensation.errors import TableError
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.metrology.build import HomeCase
+from gateway.metrology.build import Fit, HomeCase
 from gateway.metrology.drift import at_20_degrees
 from gateway.metrology.errors import MetrologyError, ReadingsError
 from gateway.metrology.formats import FORMATS, ReadingsContext, Runs, is_readings, read_survey
 from gateway.metrology.lead import Period, periods_of
 from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES, Survey, merged, understood
-from gateway.metrology.shapes import Fit
 from gateway.tabfile import (
     DIALECTS,
     ContextError,

@@ -11,17 +11,16 @@ from gateway.cli.output import print_json, print_lines
 from gateway.cli.table_options import AsJson, AxisLetter, Counts
 from gateway.cli.table_output import PREDICTED, results_text
 from gateway.compensation.table import CorrectionTable
+from gateway.metrology.build import Fit
 from gateway.metrology.doubts import doubts_of
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.evaluation import Evaluation, evaluate
+from gateway.metrology.evaluation import Evaluation, evaluate, results_json
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.lead import longest
 from gateway.metrology.readings import Survey, check_uncorrected, understood
 from gateway.metrology.recipe import Recipe, build_from
-from gateway.metrology.residue import predicted_residue
-from gateway.metrology.results import evidence_json, predicted_json, results_json
+from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.scale import check_scale
-from gateway.metrology.shapes import Fit, LeftOut
 from gateway.metrology.whole import json_of, notes_of
 from gateway.metrology.wrong_runs import settled
 from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, axis_of_name
@@ -183,7 +182,7 @@ class _BuiltTable:
             **self.written.as_data(),
             "before": results_json(self.before),
             "predicted": {**results_json(self.predicted), **predicted_json(self.predicted, self.left_out)},
-            "fit": None if self.evidence is None else evidence_json(self.evidence),
+            "fit": None if self.evidence is None else self.evidence.as_data(),
             "understood": understood(self.survey),
             **json_of(self.survey, self.lead),
         }

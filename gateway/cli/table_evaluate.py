@@ -13,17 +13,16 @@ from gateway.cli.output import print_json, print_lines
 from gateway.cli.table_options import AsJson, Counts, Told
 from gateway.cli.table_output import PREDICTED, results_text
 from gateway.cli.table_reading import inspect
-from gateway.metrology import results as judged
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.evaluation import Evaluation, results_json
 from gateway.metrology.evaluation import evaluate as iso_230_2
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.lead import Period, longest
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, understood, was_corrected
-from gateway.metrology.residue import predicted_residue
-from gateway.metrology.shapes import LeftOut
-from gateway.metrology.uncertainty import budget_of
+from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
+from gateway.metrology.uncertainty import budget_of, known_of, limit_json, limit_line
+from gateway.metrology.vdi_3441 import vdi_json, vdi_line
 from gateway.metrology.whole import json_of, notes_of
 from gateway.metrology.wrong_runs import settled
 from gateway.report.findings import find, other_stretch
@@ -130,13 +129,13 @@ def evaluate(
         last = results[1] if results[1] is not None and loaded is None else results[0]
         lines, extra = [], dict[str, object]()
         if vdi:
-            lines.append(judged.vdi_line(last))
-            extra["vdi_3441"] = judged.vdi_json(last)
+            lines.append(vdi_line(last))
+            extra["vdi_3441"] = vdi_json(last)
         if limit is not None:
-            known = judged.known_of(last, u_instrument, u_alignment, u_temperature, u_environment)
+            known = known_of(last, u_instrument, u_alignment, u_temperature, u_environment)
             budget = budget_of(last, known)
-            lines.append(judged.limit_line(last, budget, limit))
-            extra["conformity"] = judged.limit_json(last, budget, limit)
+            lines.append(limit_line(last, budget, limit))
+            extra["conformity"] = limit_json(last, budget, limit)
         if report is not None:
             story = replace(_story(before, second, loaded, (*notes, *lines)), left_out=left_out)
             _write_report(report, story, force=force)
@@ -177,15 +176,15 @@ class _Judged:
     def as_data(self) -> dict[str, object]:
         """Return it as plain data."""
         before, after = self.results
-        shown = None if after is None else judged.results_json(after)
+        shown = None if after is None else results_json(after)
         if shown is not None and self.is_predicted and after is not None:
-            shown |= judged.predicted_json(after, self.left_out)
+            shown |= predicted_json(after, self.left_out)
         return {
             "readings": self.survey.source,
             "understood": understood(self.survey),
             **self.more,
             **json_of(self.survey, self.lead),
-            "before": judged.results_json(before),
+            "before": results_json(before),
             "after": shown,
             "is_predicted": self.is_predicted,
             "notes": list(self.notes),

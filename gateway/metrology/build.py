@@ -1,4 +1,4 @@
-"""Laser readings into a correction table: mean, turn-around points, home as reference (Centroid TB058)."""
+"""Readings into a table: what it follows, means, turn-around points, home as reference (Centroid TB058)."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,6 +14,35 @@ from gateway.metrology.readings import APPROACHES, NEAR, MeanCorrections, Readin
 
 _MIN_TARGETS = 2
 _LISTED = 8
+
+
+class Shape(Enum):
+    """What a table follows, the plainest first."""
+
+    LINES = "lines"
+    """Straight from target to target."""
+    SMOOTH = "smooth"
+    """A smooth curve; what scatters about it, noise and short waves alike, is left."""
+    HARMONICS = "harmonics"
+    """A smooth curve and what repeats with the lead and other turns."""
+
+    @property
+    def words(self) -> str:
+        """What it is called in a sentence."""
+        return {
+            Shape.LINES: "lines between the targets",
+            Shape.SMOOTH: "a smooth curve",
+            Shape.HARMONICS: "a smooth curve with harmonics of the lead",
+        }[self]
+
+
+class Fit(Enum):
+    """What is wanted; ``AUTO``: what leaves least between the targets."""
+
+    AUTO = "auto"
+    LINES = "lines"
+    SMOOTH = "smooth"
+    HARMONICS = "harmonics"
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,12 +17,11 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.metrology.build import HomeCase, HomeReference
+from gateway.metrology.build import Fit, HomeCase, HomeReference, Shape
 from gateway.metrology.lead import lead_warnings
 from gateway.metrology.readings import small_unit
 from gateway.metrology.resample import DIGITS, at_positions, fewest_points, grid_positions
 from gateway.metrology.screw import Harmonic, Jump, Screw
-from gateway.metrology.shapes import Fit, Shape
 
 LEAST_FITTED: Final = 9
 """Through fewer targets lines are as good as any curve, and what was read stays in the table as it was."""
@@ -87,6 +86,64 @@ class Evidence:
     is_told: bool = True
     """Whether the readings tell what is left; otherwise a candidate's ``left_out`` only compares."""
 
+    def described(self, units: Units, subject: str) -> list[str]:
+        """Say what the ``subject`` follows and why, and what repeats."""
+        chosen, small = self.chosen, small_unit(units)
+        where = "its points at the targets"
+        if chosen.at_nut:
+            where = "its points where the nut stood, not where it was sent"
+        elif chosen.step is not None:
+            where = f"a point every {chosen.step:.6g} {units.value}"
+        missed = ", ".join(f"{each.shape.words} {small.text(each.misses)}" for each in self.candidates)
+        first = (
+            f"the {subject} follows {chosen.shape.words}, {where}; by so much each misses a target that is "
+            f"left out (root mean square): {missed}"
+        )
+        notes = [first]
+        if self.unheld is not None:
+            other = self.unheld
+            less = "less"
+            if self.is_told:
+                less = f"E = {small.text(other.left_out)} instead of {small.text(chosen.left_out)}"
+            notes.append(
+                f"{other.shape.words} in {len(other.table.positions)} points would leave {less}, but cannot "
+                f"be written: {other.refused}"
+            )
+        notes.extend(f"{each.period.name}: {_of_harmonic(each, units)}" for each in self.harmonics)
+        return notes
+
+    def as_data(self) -> dict[str, object]:
+        """Return why a table follows what it follows, as plain data."""
+        chosen = self.chosen
+        small = small_unit(chosen.table.units)
+        return {
+            "follows": chosen.shape.value,
+            "step": chosen.step,
+            "points_where_the_nut_stood": chosen.at_nut,
+            "candidates": [
+                {
+                    "follows": each.shape.value,
+                    "points": len(each.table.positions),
+                    f"left_out_rms_{small.key}": each.misses * small.factor,
+                    f"left_out_e_{small.key}": each.left_out * small.factor if self.is_told else None,
+                }
+                for each in self.candidates
+            ],
+            "harmonics": [
+                {
+                    "name": each.period.name,
+                    "period": each.period.length,
+                    f"amplitude_{small.key}": None
+                    if each.amplitude is None
+                    else each.amplitude * small.factor,
+                    "phase_deg": each.phase_deg,
+                    "p": each.significance,
+                }
+                for each in self.harmonics
+            ],
+            "warnings": list(self.warnings),
+        }
+
 
 def choose(
     screw: Screw, lines: CorrectionTable, wish: Fit, points: Points, home: HomeCase | HomeReference | None
@@ -112,33 +169,6 @@ def choose(
     return Evidence(
         chosen, tuple(held), screw.harmonics, warnings_of(screw), better, is_told=not screw.unseen
     )
-
-
-def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
-    """Say what the ``subject`` follows and why, and what repeats."""
-    chosen, small = evidence.chosen, small_unit(units)
-    where = "its points at the targets"
-    if chosen.at_nut:
-        where = "its points where the nut stood, not where it was sent"
-    elif chosen.step is not None:
-        where = f"a point every {chosen.step:.6g} {units.value}"
-    missed = ", ".join(f"{each.shape.words} {small.text(each.misses)}" for each in evidence.candidates)
-    first = (
-        f"the {subject} follows {chosen.shape.words}, {where}; by so much each misses a target that is left "
-        f"out (root mean square): {missed}"
-    )
-    notes = [first]
-    if evidence.unheld is not None:
-        other = evidence.unheld
-        less = "less"
-        if evidence.is_told:
-            less = f"E = {small.text(other.left_out)} instead of {small.text(chosen.left_out)}"
-        notes.append(
-            f"{other.shape.words} in {len(other.table.positions)} points would leave {less}, but cannot be "
-            f"written: {other.refused}"
-        )
-    notes.extend(f"{each.period.name}: {_of_harmonic(each, units)}" for each in evidence.harmonics)
-    return notes
 
 
 def _of_harmonic(harmonic: Harmonic, units: Units) -> str:

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Final
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.build import (
+    Fit,
     HomeCase,
     HomeReference,
+    Shape,
     build_table,
     referenced,
     with_estimated_ends,
@@ -19,7 +21,6 @@ from gateway.metrology.lead import Period
 from gateway.metrology.outliers import Outlier, find_outliers, without_outliers
 from gateway.metrology.readings import APPROACHES, Reading, Survey, mean_corrections
 from gateway.metrology.resample import Loss, fewest_points, on_grid, with_point
-from gateway.metrology.shapes import Fit, Shape
 from gateway.metrology.smooth import Change, smoothed
 from gateway.metrology.wrong_runs import settled
 
@@ -118,11 +119,9 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
     screw = _screw(readings, survey, recipe, notes)
     evidence = None
     if screw is not None and recipe.fit is not None:
-        from gateway.metrology.fitting import described
-
         evidence = _choose(screw, table, recipe)
         notes.extend(evidence.warnings)
-        notes.extend(described(evidence, survey.units, "table"))
+        notes.extend(evidence.described(survey.units, "table"))
         if evidence.chosen.table is not table:
             table, loss = evidence.chosen.table, None
             notes.extend(_uncovered(measured, table) if recipe.step is not None else ())

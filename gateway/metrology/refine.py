@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Final
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.metrology.build import HomeReference, build_table, referenced
+from gateway.metrology.build import Fit, HomeReference, build_table, referenced
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period
 from gateway.metrology.lookup import correction_at
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import APPROACHES, Survey, was_corrected
-from gateway.metrology.residue import predicted_residue
-from gateway.metrology.shapes import Fit, LeftOut
+from gateway.metrology.residue import LeftOut, predicted_residue
 from gateway.metrology.smooth import Change
 from gateway.metrology.wrong_runs import settled
 
@@ -154,7 +153,7 @@ def _followed(
 ) -> "tuple[CorrectionTable, Screw | None, list[str]]":
     """Return the rest along the curve that leaves least, what the readings say, and why."""
     from gateway.metrology.fitting import Points as Chosen
-    from gateway.metrology.fitting import choose, described
+    from gateway.metrology.fitting import choose
     from gateway.metrology.screw import screw_of
 
     try:
@@ -164,7 +163,7 @@ def _followed(
             raise
         return rest, None, [f"{error}: nothing is said about what this table leaves between its points"]
     evidence = choose(screw, rest, fit, Chosen(one_way=one_way), None)
-    return evidence.chosen.table, screw, [*evidence.warnings, *described(evidence, survey.units, "change")]
+    return evidence.chosen.table, screw, [*evidence.warnings, *evidence.described(survey.units, "change")]
 
 
 def _sum(old: CorrectionTable, rest: CorrectionTable, positions: list[float]) -> CorrectionTable:

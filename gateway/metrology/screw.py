@@ -16,6 +16,7 @@ import numpy as np
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
+from gateway.metrology.build import Shape
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period, may_be_more, shown_by, unseen
 from gateway.metrology.process import (
@@ -31,7 +32,7 @@ from gateway.metrology.process import (
     likely_jumps,
 )
 from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, Survey, mean_corrections
-from gateway.metrology.shapes import LeftOut, Shape
+from gateway.metrology.residue import LeftOut
 from gateway.metrology.wrong_runs import wrong_runs
 
 LEAST_TARGETS: Final = 5

@@ -5,8 +5,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Final
 
 from gateway import __version__
-from gateway.metrology.evaluation import Evaluation
-from gateway.metrology.standard_asks import missing_of
+from gateway.metrology.evaluation import Evaluation, missing_of
 from gateway.report.drawing import saved, svg_of
 from gateway.report.figures import Panel, panels
 from gateway.report.figures.panel import legend_to_the_right

@@ -3,8 +3,7 @@
 from html import escape
 from typing import Final
 
-from gateway.metrology.evaluation import Evaluation
-from gateway.metrology.standard_asks import missing_of
+from gateway.metrology.evaluation import Evaluation, missing_of
 from gateway.report.findings import FIGURES, Figure, Findings, about_readings
 from gateway.report.words import GAP, NONE, number, shortest
 
