@@ -20,8 +20,8 @@ from gateway.metrology.drift import at_20_degrees
 from gateway.metrology.errors import MetrologyError, ReadingsError
 from gateway.metrology.formats import FORMATS, ReadingsContext, Runs, is_readings, read_survey
 from gateway.metrology.lead import Period, periods_of
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES, Survey, merged, understood
+from gateway.metrology.tables import correction_at
 from gateway.tabfile import (
     DIALECTS,
     ContextError,

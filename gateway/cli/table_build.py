@@ -12,7 +12,7 @@ from gateway.cli.table_options import AsJson, AxisLetter, Counts
 from gateway.cli.table_output import PREDICTED, results_text
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.build import Fit
-from gateway.metrology.doubts import doubts_of
+from gateway.metrology.doubts import doubts_of, json_of, notes_of
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate, results_json
 from gateway.metrology.formats import ReadingsContext
@@ -21,7 +21,6 @@ from gateway.metrology.readings import Survey, check_uncorrected, understood
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.scale import check_scale
-from gateway.metrology.whole import json_of, notes_of
 from gateway.metrology.wrong_runs import settled
 from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, axis_of_name
 

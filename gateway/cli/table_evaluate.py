@@ -13,6 +13,7 @@ from gateway.cli.output import print_json, print_lines
 from gateway.cli.table_options import AsJson, Counts, Told
 from gateway.cli.table_output import PREDICTED, results_text
 from gateway.cli.table_reading import inspect
+from gateway.metrology.doubts import json_of, notes_of
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, results_json
 from gateway.metrology.evaluation import evaluate as iso_230_2
@@ -23,7 +24,6 @@ from gateway.metrology.readings import Survey, check_same_axis, check_uncorrecte
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.uncertainty import budget_of, known_of, limit_json, limit_line
 from gateway.metrology.vdi_3441 import vdi_json, vdi_line
-from gateway.metrology.whole import json_of, notes_of
 from gateway.metrology.wrong_runs import settled
 from gateway.report.findings import find, other_stretch
 from gateway.report.story import AxisStory, Report

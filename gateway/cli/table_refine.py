@@ -13,11 +13,11 @@ from gateway.cli.output import print_json, print_lines
 from gateway.cli.table_options import AsJson, Told
 from gateway.cli.table_reading import inspect
 from gateway.metrology.build import Fit
+from gateway.metrology.doubts import notes_of
 from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.readings import check_corrected, check_same_axis, small_unit
 from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.metrology.residue import left_out_json, left_out_text
-from gateway.metrology.whole import notes_of
 from gateway.tabfile import Dialect, LoadedTable, WriteOptions, axis_of_name, dialect_named
 from gateway.tabfile.conversion import is_modulo, turns_lost
 

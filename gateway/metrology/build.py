@@ -9,8 +9,8 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES, NEAR, MeanCorrections, Reading, mean_corrections
+from gateway.metrology.tables import correction_at
 
 _MIN_TARGETS = 2
 _LISTED = 8

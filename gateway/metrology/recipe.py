@@ -20,8 +20,8 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period
 from gateway.metrology.outliers import Outlier, find_outliers, without_outliers
 from gateway.metrology.readings import APPROACHES, Reading, Survey, mean_corrections
-from gateway.metrology.resample import Loss, fewest_points, on_grid, with_point
-from gateway.metrology.smooth import Change, smoothed
+from gateway.metrology.resample import fewest_points, on_grid, smoothed, with_point
+from gateway.metrology.tables import Change, Loss
 from gateway.metrology.wrong_runs import settled
 
 if TYPE_CHECKING:

@@ -7,17 +7,15 @@ from enum import Enum
 from statistics import pstdev
 from typing import TYPE_CHECKING, Final
 
-from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.build import Fit, HomeReference, build_table, referenced
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import APPROACHES, Survey, was_corrected
 from gateway.metrology.residue import LeftOut, predicted_residue
-from gateway.metrology.smooth import Change
+from gateway.metrology.tables import Change, change, correction_at
 from gateway.metrology.wrong_runs import settled
 
 if TYPE_CHECKING:
@@ -145,7 +143,7 @@ def refine_table(
             )
     if home is None:
         notes.append("no home reference: what was read at home went into the table like any other reading")
-    return Refined(new, _change(old, new), tuple(notes), before, after)
+    return Refined(new, change(old, new), tuple(notes), before, after)
 
 
 def _followed(
@@ -207,14 +205,3 @@ def _unmeasured(old: CorrectionTable, rest: CorrectionTable) -> list[str]:
         for low, high in ((old.first, rest.first), (rest.last, old.last))
         if high > low
     ]
-
-
-def _change(old: CorrectionTable, new: CorrectionTable) -> Change:
-    differences: list[tuple[float, float, Direction]] = [
-        (abs(correction_at(new, x, way) - correction_at(old, x, way)), x, way)
-        for way in APPROACHES
-        for x in new.positions
-    ]
-    largest, position, way = max(differences, key=lambda difference: difference[0])
-    mean_square = sum(size * size for size, _, _ in differences) / len(differences)
-    return Change(largest, position, way, mean_square**0.5)

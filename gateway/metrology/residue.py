@@ -7,8 +7,8 @@ from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.lead import Period
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import Small, Survey, small_unit
+from gateway.metrology.tables import correction_at
 
 NOT_JUDGED: Final = "not known from these readings: too few targets, or more than tell anything"
 

@@ -17,6 +17,7 @@ from gateway.config.axis_model import AxisSection
 from gateway.config.tables import context_of, write_options_of
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.build import Fit, HomeReference
+from gateway.metrology.doubts import notes_of
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate, results_json
 from gateway.metrology.formats.context import ReadingsContext
@@ -28,7 +29,6 @@ from gateway.metrology.refine import Refined, refine_table
 from gateway.metrology.resample import grid_positions
 from gateway.metrology.residue import LeftOut, left_out_json, left_out_line, left_out_text, predicted_residue
 from gateway.metrology.scale import told_scale
-from gateway.metrology.whole import notes_of
 from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
 from gateway.tabfile.conversion import reader_lines, write
 
