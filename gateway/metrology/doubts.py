@@ -86,18 +86,16 @@ def notes_of(
 
 
 def _scale_notes(survey: Survey, counts_per_unit: float | None, lead: float | None) -> list[str]:
-    targets = [each.target for each in survey.readings]
-    span = max(targets) - min(targets)
     scale = told_scale(survey, lead)
     if scale is not None:
-        is_worth_it = abs(scale.share) * span > survey.units.from_mm(WORTH_MM)
+        is_worth_it = abs(scale.share) * survey.span > survey.units.from_mm(WORTH_MM)
         return [scale.describe(counts_per_unit)] if is_worth_it else []
     if survey.units is Units.DEGREE or not is_short(survey, lead):
         return []
     told = "" if lead is not None else ", or tell the lead (--lead) if that is so many turns"
     said = (
-        f"the readings span {span:.6g} {survey.units.value}, a few turns of the screw: they tell no scale. "
-        f"For it, measure over {LEAST_TURNS} turns and more{told}"
+        f"the readings span {survey.span:.6g} {survey.units.value}, a few turns of the screw: they tell no "
+        f"scale. For it, measure over {LEAST_TURNS} turns and more{told}"
     )
     return [said]
 

@@ -23,12 +23,10 @@ from itertools import pairwise
 from statistics import fmean, stdev
 from typing import Final
 
-from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.cycle import enough_targets
-from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import even_step
-from gateway.metrology.readings import APPROACHES, Survey, check_reading
+from gateway.metrology.readings import APPROACHES, Reading, Survey, checked_approaches
 
 NAMES: Final = (
     ("A", "accuracy"),
@@ -112,12 +110,7 @@ def evaluate(survey: Survey) -> Evaluation:
     Raises:
         ReadingsError: no readings, or one that is no number.
     """
-    found: dict[tuple[float, Direction], list[float]] = {}
-    for number, reading in enumerate(survey.readings, start=1):
-        check_reading(reading, number)
-        found.setdefault((reading.target, reading.direction), []).append(reading.deviation)
-    if not found:
-        raise ReadingsError("no readings: measure every target from both sides")
+    found = checked_approaches(survey.readings)
     targets = tuple(
         TargetStatistics(target, *(_approach(found.get((target, way))) for way in APPROACHES))
         for target in sorted({target for target, _ in found})
@@ -148,9 +141,10 @@ def evaluate(survey: Survey) -> Evaluation:
     )
 
 
-def _approach(deviations: list[float] | None) -> Approach | None:
-    if deviations is None:
+def _approach(group: list[Reading] | None) -> Approach | None:
+    if group is None:
         return None
+    deviations = [each.deviation for each in group]
     return Approach(tuple(deviations), fmean(deviations), stdev(deviations) if len(deviations) > 1 else None)
 
 

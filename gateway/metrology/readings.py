@@ -65,6 +65,17 @@ class Survey:
     facts: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
+    @property
+    def targets(self) -> list[float]:
+        """Every target once, in ascending order."""
+        return sorted({each.target for each in self.readings})
+
+    @property
+    def span(self) -> float:
+        """From the lowest target to the highest."""
+        targets = self.targets
+        return targets[-1] - targets[0]
+
     def in_units(self, units: Units) -> "Survey":
         """Return the same readings in other units.
 
@@ -84,7 +95,7 @@ class Survey:
 def understood(survey: Survey) -> str:
     """Say axis, unit, targets, runs of each direction, and the sign by its largest deviations."""
     small = small_unit(survey.units)
-    targets = sorted({each.target for each in survey.readings})
+    targets = survey.targets
     deviations = [each.deviation * small.factor for each in survey.readings]
     runs = " and ".join(
         f"{len({each.run for each in survey.readings if each.direction is way})} {way.name.lower()}"
@@ -141,18 +152,33 @@ def mean_corrections(readings: Iterable[Reading]) -> MeanCorrections:
     Raises:
         ReadingsError: no readings, a number that is not finite, or a reading without a direction.
     """
-    found: dict[tuple[float, Direction], list[float]] = {}
-    for number, reading in enumerate(readings, start=1):
-        check_reading(reading, number)
-        found.setdefault((reading.target, reading.direction), []).append(reading.target - reading.measured)
-    if not found:
-        raise ReadingsError("no readings: measure every target from both sides")
+    groups = checked_approaches(readings)
+    found = {key: fmean(each.target - each.measured for each in group) for key, group in groups.items()}
     targets = tuple(sorted({target for target, _ in found}))
-    forward, backward = (
-        tuple(fmean(found[target, way]) if (target, way) in found else None for target in targets)
-        for way in APPROACHES
-    )
+    forward, backward = (tuple(found.get((target, way)) for target in targets) for way in APPROACHES)
     return MeanCorrections(targets, forward, backward)
+
+
+def by_approach(readings: Iterable[Reading]) -> dict[tuple[float, Direction], list[Reading]]:
+    """Return the readings at each target in each direction, in their order."""
+    found: dict[tuple[float, Direction], list[Reading]] = {}
+    for each in readings:
+        found.setdefault((each.target, each.direction), []).append(each)
+    return found
+
+
+def checked_approaches(readings: Iterable[Reading]) -> dict[tuple[float, Direction], list[Reading]]:
+    """Do what :func:`by_approach` does, with readings that can be calculated with.
+
+    Raises:
+        ReadingsError: no readings, a number that is not finite, or a reading without a direction.
+    """
+    known = tuple(readings)
+    for number, reading in enumerate(known, start=1):
+        check_reading(reading, number)
+    if not known:
+        raise ReadingsError("no readings: measure every target from both sides")
+    return by_approach(known)
 
 
 def merged(surveys: Sequence[Survey]) -> Survey:
@@ -195,7 +221,7 @@ def merged(surveys: Sequence[Survey]) -> Survey:
 
 def _usual_distance(survey: Survey) -> float:
     """Return the median distance of neighbouring targets; infinity with one target."""
-    targets = sorted({reading.target for reading in survey.readings})
+    targets = survey.targets
     return median([high - low for low, high in pairwise(targets)] or [inf])
 
 
@@ -206,7 +232,7 @@ def _check_targets(readings: Sequence[Reading], other: Survey, nearer: float) ->
         ReadingsError: one lies beside another by less than ``nearer``.
     """
     targets = sorted({reading.target for reading in readings})
-    for spelt in sorted({reading.target for reading in other.readings}):
+    for spelt in other.targets:
         at = bisect_left(targets, spelt)
         for near in targets[max(at - 1, 0) : at + 1]:
             if 0.0 < abs(near - spelt) < nearer < inf:

@@ -147,7 +147,7 @@ def _with_home(survey: Survey, recipe: Recipe) -> tuple[Survey, list[str]]:
 
     A sheet of TB058's version 7.17 begins one step from home, where the instrument was set to 0.
     """
-    targets = sorted({reading.target for reading in survey.readings})
+    targets = survey.targets
     ways = {reading.direction for reading in survey.readings}
     if recipe.home not in (HomeCase.SWITCH_POSITIVE, HomeCase.SWITCH_NEGATIVE) or len(ways) != 1:
         return survey, []
