@@ -4,8 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.exchange.plan import AxisPlan
-from gateway.metrology.gauge_kinds import GaugeKind
-from gateway.metrology.gauges import DEFAULTS
+from gateway.metrology.gauge_kinds import DEFAULTS, GaugeKind
 from gateway.simulator.clock import SimulationClock
 from gateway.simulator.laser import Laser
 from gateway.simulator.mechanics import Mechanics, unit_mm

@@ -58,8 +58,8 @@ from gateway.metrology.cycle import (
     remaining,
 )
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.gauge_kinds import GaugeKind
-from gateway.metrology.gauges import DEFAULTS, GaugeError, pattern_of
+from gateway.metrology.gauge_kinds import DEFAULTS, GaugeKind
+from gateway.metrology.gauges import GaugeError, pattern_of
 from gateway.metrology.lead import Period, lead_warnings, periods_of
 from gateway.metrology.readings import Reading
 from gateway.state.plan import shape_of

@@ -58,6 +58,12 @@ def heading_of(source: SourceText) -> tuple[Line, str] | None:
     return None
 
 
+def heading_words(source: SourceText) -> list[tuple[str, ...]]:
+    """Return the words of each name in the heading; empty where there is none."""
+    found = heading_of(source)
+    return [words(cell) for cell in found[0].text.split(found[1])] if found else []
+
+
 def sheet_of(source: SourceText, allowed: str) -> Sheet:
     """Split a text into cells.
 
