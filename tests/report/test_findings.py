@@ -12,7 +12,7 @@ from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.residue import LeftOut
 from gateway.report.errors import ReportError
 from gateway.report.findings import FIGURES, about_readings, find, sentence
-from gateway.report.results import results_table
+from gateway.report.html import results_table
 from tests.report.stories import story, survey
 
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from gateway.compensation.units import Units
 from gateway.metrology.readings import STATED
-from gateway.tabfile.csv_text import GROUPED, split_cells
+from gateway.tabfile.csv_text import GROUPED, MAX_PROBLEMS, split_cells
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal
 
@@ -34,7 +34,6 @@ SMALL_UNITS: Final = {
     "arcsec": (Units.DEGREE, 1 / 3600),
 }
 """Units of deviations only, with what one is in units of the positions."""
-MAX_PROBLEMS: Final = 20
 NO_COMMA: Final = f"{DECIMAL_ALLOWED}: replace the commas, or set the program so that saves it"
 
 
