@@ -5,15 +5,22 @@ when each byte came; by :class:`Hearing` it finds frames as one kind of drive do
 """
 
 from enum import Enum
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.modbus.crc import is_intact
 from gateway.modbus.lengths import MAX_ADU, MIN_ADU, UNTIL_SILENCE, request_length
 from gateway.modbus.rtu_line import pause_ns, silence_ns
-from gateway.simulator.pacing import Arrival
 from gateway.times import NS_PER_MS, NS_PER_S
 
 MERGED_NS: Final = 10 * NS_PER_MS
+
+
+class Arrival(NamedTuple):
+    """A byte at the end of a wire."""
+
+    came_ns: int
+    """When its last bit was there."""
+    byte: int
 
 
 class Hearing(Enum):

@@ -3,8 +3,7 @@
 import pytest
 
 from gateway.modbus.crc import append_crc, inverted_crc, is_intact, residue_after
-from gateway.simulator.ears import Ear, Hearing
-from gateway.simulator.pacing import Arrival
+from gateway.simulator.ears import Arrival, Ear, Hearing
 
 BAUD, BITS = 1000, 10
 CHAR_NS = 10_000_000  # 10 ms a byte: t1.5 is 15 ms, t3.5 35 ms

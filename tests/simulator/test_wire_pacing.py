@@ -2,8 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gateway.simulator.ears import Arrival
 from gateway.simulator.errors import SimulatorError
-from gateway.simulator.pacing import Adapter, Arrival, PacedWire, WireFaults
+from gateway.simulator.wire import Adapter, PacedWire, WireFaults
 
 MS = 1_000_000
 

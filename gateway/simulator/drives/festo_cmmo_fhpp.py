@@ -14,7 +14,7 @@ from typing import Final
 
 from gateway.simulator.drives.endpoint import MotorDrive, bits_of
 from gateway.simulator.drives.motor import Basis, Motor
-from gateway.simulator.image import RegisterImage
+from gateway.simulator.server import RegisterImage
 
 CONTROL: Final = 0
 DIRECTION: Final = 1
