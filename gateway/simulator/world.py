@@ -14,7 +14,7 @@ from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import SimulationClock
 from gateway.simulator.drive import SimulatedAxis, SimulatedDrive
 from gateway.simulator.drives.catalogue import DRIVES
-from gateway.simulator.drives.motor import Motor
+from gateway.simulator.drives.motor_drive import Motor
 from gateway.simulator.endpoints import Delay, SerialDriveServer, TcpDriveServer
 from gateway.simulator.gauge import VirtualGauge
 from gateway.simulator.mechanics import Mechanics, encoder_of, unit_mm

@@ -15,7 +15,7 @@ from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import scaled_clock
 from gateway.simulator.drive import DEFAULT_REGISTERS, SimulatedAxis, SimulatedDrive
 from gateway.simulator.drives.catalogue import DRIVES
-from gateway.simulator.drives.motor import Motor
+from gateway.simulator.drives.motor_drive import Motor
 from gateway.simulator.endpoints import TcpDriveServer
 from gateway.simulator.gauge import Laser
 from gateway.simulator.mechanics import Encoder, Mechanics

@@ -10,8 +10,7 @@ are noted), word order by parameter, a second axis at +1000, writes that start m
 
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of, within
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, bits_of, within
 
 ALARM: Final = 0
 STATUS: Final = 1

@@ -12,8 +12,7 @@ that a drive needs between target and trigger, EEPROM wear, paths above 49.
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, Order, bits_of
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, Order, bits_of
 from gateway.simulator.server import RefusedError
 
 ALARM: Final = 0x0002

@@ -12,8 +12,7 @@ selection and jogging are noted), teaching, FPC parameters, velocity and force m
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of
 from gateway.simulator.server import RegisterImage
 
 CONTROL: Final = 0

@@ -13,8 +13,7 @@ POS_STW1 tell from positions, are noted. Not simulated: the watchdog of register
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, Order, bits_of, within
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, Order, bits_of, within
 from gateway.simulator.server import ILLEGAL_VALUE, check
 
 STW1: Final = 0

@@ -11,8 +11,7 @@ operation of the start coils.
 
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of, within
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, bits_of, within
 
 POSITION_TABLE: Final = 0x1000
 TABLE_STRIDE: Final = 16

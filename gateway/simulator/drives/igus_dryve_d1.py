@@ -15,8 +15,7 @@ from struct import unpack_from
 from typing import Final
 
 from gateway.simulator.drives.device_control import RELATIVE, DeviceControl, Order402
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of
 from gateway.simulator.ledger import WriteRecord
 from gateway.simulator.server import ILLEGAL_ADDRESS, ILLEGAL_VALUE, check
 

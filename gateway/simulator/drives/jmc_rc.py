@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from gateway.simulator.drives.device_control import RELATIVE, DeviceControl, Order402
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of, signed
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of, signed
 from gateway.simulator.server import ILLEGAL_ADDRESS, ILLEGAL_VALUE, RefusedError
 
 ORDER: Final = 0x6000

@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from gateway.simulator.drives.device_control import RELATIVE, DeviceControl, Order402
-from gateway.simulator.drives.endpoint import MotorDrive, Order, bits_of, within
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, Order, bits_of, within
 
 CONTROL: Final = 0x3100
 STATUS: Final = 0x3200

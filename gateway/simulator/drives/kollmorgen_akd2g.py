@@ -14,8 +14,7 @@ other motion tasks and what starts them, throttling.
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of
 from gateway.simulator.server import RefusedError
 
 POSITION: Final = 0

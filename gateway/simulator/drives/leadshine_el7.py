@@ -10,9 +10,8 @@ do not agree on the register that would do it (0x0401, 0x0405, 0x0409).
 
 from typing import Final
 
-from gateway.simulator.drives.endpoint import bits_of
 from gateway.simulator.drives.leadshine_pr import AUXILIARY, NOTHING, PATHS, LeadshinePr
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, bits_of
 
 ALARM: Final = 0x0B03
 STATE: Final = 0x0B05

@@ -10,8 +10,7 @@ rules of paths (a new one always interrupts), speeds, jog, enforcement of the so
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of, within
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of, within
 from gateway.times import NS_PER_MS, NS_PER_S
 
 PROXIES: Final = 0x0F00

@@ -13,8 +13,7 @@ sources leave open, and speed mode turn nothing; settings.
 from struct import pack, unpack
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive
 from gateway.simulator.server import ILLEGAL_ADDRESS, ILLEGAL_VALUE, RefusedError
 
 CARRY: Final = 0x0030

@@ -13,8 +13,7 @@ orders of words and bytes, SSTART's place in a chain of data (it runs No. 0).
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of, signed
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of, signed
 from gateway.simulator.server import EXECUTION_FAILED, RefusedError
 
 DATA: Final = 0x0058

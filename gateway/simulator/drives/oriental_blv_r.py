@@ -13,8 +13,7 @@ by itself. Not simulated: group addresses with ID share.
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import bits_of
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, bits_of
 from gateway.simulator.drives.oriental_az import (
     ALARM_RESET,
     ALL_DATA,

@@ -11,8 +11,7 @@ is noted. DRIVE runs the step of the controller's own data that IN0 to IN5 name.
 
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, within
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, within
 
 STEP_NUMBER: Final = range(0x10, 0x16)
 """IN0 to IN5."""

@@ -9,8 +9,7 @@ ignored. Not simulated: segments started by inputs, speeds, limits.
 
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, Order, bits_of, within
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, Order, bits_of, within
 from gateway.simulator.server import RefusedError
 
 ALARM: Final = 0x0006

@@ -11,8 +11,7 @@ auxiliary register takes one command at a time. Not simulated: jog, speeds, stor
 
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of, within
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, bits_of, within
 from gateway.simulator.server import EXECUTION_FAILED, RefusedError
 
 STATUS: Final = 4
