@@ -3,8 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from gateway.simulator.drives.applied_motion_16 import AppliedMotion16
-from gateway.simulator.drives.applied_motion_32 import AppliedMotion32
+from gateway.simulator.drives.applied_motion import AppliedMotion16, AppliedMotion32
 from gateway.simulator.drives.delta_asda import DeltaAsda
 from gateway.simulator.drives.festo_cmmo_fhpp import FestoCmmoFhpp
 from gateway.simulator.drives.festo_cmmt_111 import FestoCmmt111

@@ -39,14 +39,11 @@ class FestoCmmoFhpp(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 7, 16, 23})
+    known = ((0, WORDS - 1),)
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         super().__init__(unit_id, motors)
         self._state = RegisterImage(WORDS)
-
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return address + count <= WORDS
 
     def read_words(self, address: int, count: int) -> bytes:
         """See :class:`RegisterServer`: the state, which lies at the same addresses."""

@@ -13,7 +13,7 @@ POS_STW1 tell from positions, are noted. Not simulated: the watchdog of register
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, Order, bits_of, within
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, Order, bits_of
 from gateway.simulator.server import ILLEGAL_VALUE, check
 
 STW1: Final = 0
@@ -49,6 +49,7 @@ class FestoCmmt111(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16, 43})
+    known = KNOWN
     order = Order.LOW_FIRST
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
@@ -63,10 +64,6 @@ class FestoCmmt111(MotorDrive):
         check(pdu[:2] == READ_IDENTIFICATION and len(pdu) == 4, ILLEGAL_VALUE)
         objects = b"".join(bytes((i, len(text))) + text for i, text in enumerate(IDENTIFICATION))
         return READ_IDENTIFICATION + bytes((pdu[2], 1, 0, 0, len(IDENTIFICATION))) + objects
-
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
 
     def show(self) -> None:
         """See :class:`MotorDrive`."""

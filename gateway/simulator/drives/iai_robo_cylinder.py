@@ -55,12 +55,9 @@ class IaiRoboCylinder(MotorDrive):
     """See the module."""
 
     functions = frozenset({1, 3, 5, 6, 16})
+    known = KNOWN
     _rest: int | None = None
     """Where a move goes that is paused."""
-
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
 
     def has_bits(self, function: int, address: int, count: int) -> bool:
         """See :class:`RegisterServer`: the coils at 0x0100 can only be read."""

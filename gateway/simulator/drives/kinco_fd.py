@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from gateway.simulator.drives.cia402 import POSITION_MODE, Drive402
-from gateway.simulator.drives.motor_drive import Motor, Order, bits_of, within
+from gateway.simulator.drives.motor_drive import Motor, Order, bits_of
 
 CONTROL: Final = 0x3100
 STATUS: Final = 0x3200
@@ -36,6 +36,7 @@ class KincoFd(Drive402):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
+    known = KNOWN
     order = Order.LOW_FIRST
     steps = False
     mode_at = MODE
@@ -48,10 +49,6 @@ class KincoFd(Drive402):
     def refusal(self, request: bytes, code: int) -> bytes | None:
         """Return an error reply, whose function byte for FC03 is 0x81."""
         return bytes((ERROR_FUNCTIONS.get(request[0], request[0] | 0x80), code))
-
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
 
     def show(self) -> None:
         """See :class:`MotorDrive`."""

@@ -51,15 +51,12 @@ class KollmorgenAkd2g(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
+    known = ((0, LAST_REGISTER),)
     most_motors = 2
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         super().__init__(unit_id, motors)
         self.error_mode = 1
-
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return address + count - 1 <= LAST_REGISTER
 
     def show(self) -> None:
         """See :class:`MotorDrive`."""

@@ -10,7 +10,7 @@ rules of paths (a new one always interrupts), speeds, jog, enforcement of the so
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of, within
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of
 from gateway.times import NS_PER_MS, NS_PER_S
 
 PROXIES: Final = 0x0F00
@@ -65,6 +65,7 @@ class LeadshinePr(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
+    known = KNOWN
     auxiliaries: tuple[int, ...] = (AUXILIARY,)
     """Registers of the control word."""
     harmless = frozenset({NOTHING, 0x2244})
@@ -79,10 +80,6 @@ class LeadshinePr(MotorDrive):
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         super().__init__(unit_id, motors)
         self._path: int | None = None
-
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
 
     def bad_crc_reply(self, function: int) -> bytes | None:
         """Answer it, which no other drive does."""

@@ -172,6 +172,8 @@ class MotorDrive(RegisterServer):
 
     order = Order.HIGH_FIRST
     most_motors = 1
+    known: Sequence[tuple[int, int]] = ((0, 0xFFFF),)
+    """The first and the last register of each range that it has."""
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         """Raise SimulatorError where there are more motors than the drive has outputs for."""
@@ -210,6 +212,10 @@ class MotorDrive(RegisterServer):
             high, low = low, high
         self.image.set_word(address, high)
         self.image.set_word(address + 1, low)
+
+    def has(self, address: int, count: int) -> bool:
+        """See :class:`RegisterServer`."""
+        return within(address, count, self.known)
 
     def refresh(self, now_s: float) -> None:
         """See :class:`RegisterServer`."""

@@ -48,10 +48,7 @@ class SmcLec(MotorDrive):
     """See the module."""
 
     functions = frozenset({1, 2, 3, 5, 8, 15, 16})
-
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
+    known = KNOWN
 
     def has_bits(self, function: int, address: int, count: int) -> bool:
         """See :class:`RegisterServer`: coils end where the inputs begin."""

@@ -9,7 +9,7 @@ ignored. Not simulated: segments started by inputs, speeds, limits.
 
 from typing import Final
 
-from gateway.simulator.drives.motor_drive import Basis, MotorDrive, Order, bits_of, within
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, Order, bits_of
 from gateway.simulator.server import RefusedError
 
 ALARM: Final = 0x0006
@@ -39,11 +39,8 @@ class StepperonlineEssRs(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
+    known = KNOWN
     max_read = 16
-
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
 
     def show(self) -> None:
         """See :class:`MotorDrive`. Commands can only be written."""

@@ -11,7 +11,7 @@ auxiliary register takes one command at a time. Not simulated: jog, speeds, stor
 
 from typing import Final
 
-from gateway.simulator.drives.motor_drive import Basis, MotorDrive, bits_of, within
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, bits_of
 from gateway.simulator.server import EXECUTION_FAILED, RefusedError
 
 STATUS: Final = 4
@@ -39,10 +39,7 @@ class TlR(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
-
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
+    known = KNOWN
 
     def show(self) -> None:
         """See :class:`MotorDrive`."""
