@@ -1,4 +1,4 @@
-"""All drives that are simulated by name. A new one is one file and one entry in :data:`DRIVES`."""
+"""All drives that are simulated by name. A new one is a class and one entry in :data:`DRIVES`."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
@@ -12,8 +12,7 @@ from gateway.simulator.drives.igus_dryve_d1 import IgusDryveD1
 from gateway.simulator.drives.jmc_rc import JmcRc
 from gateway.simulator.drives.kinco_fd import KincoFd
 from gateway.simulator.drives.kollmorgen_akd2g import KollmorgenAkd2g
-from gateway.simulator.drives.leadshine_el7 import LeadshineEl7
-from gateway.simulator.drives.leadshine_pr import LeadshinePr
+from gateway.simulator.drives.leadshine import LeadshineEl7, LeadshinePr
 from gateway.simulator.drives.makerbase_servo42d import MakerbaseServo42d
 from gateway.simulator.drives.mitsubishi_mr_je_c import MitsubishiMrJeC
 from gateway.simulator.drives.motor_drive import Motor, MotorDrive

@@ -1,6 +1,7 @@
-"""Leadshine steppers with PR paths: CS2RS, iCL-RS, EM2RS / DM-RS (and the StepperOnline versions of them).
+"""Leadshine drives with PR paths: steppers (CS2RS, iCL-RS, EM2RS / DM-RS, also of StepperOnline) and servos.
 
-Source: user manuals of the iCL-RS and CS2RS series (registers of Pr8 and Pr9, chapter on communication).
+Source: user manuals of the iCL-RS and CS2RS series (registers of Pr8 and Pr9, chapter on communication); for
+the servos EL7-RS user manual V2.0.1, and those of L7, T6 and ELD2, as published programs cite them.
 
 Simulated: 16 paths, one-frame moves, homing, zero, quick stop, proxies 0x0F00 to 0x0F09, the save status that
 clears when it is read, the answer to a wrong check sum. Not simulated: jumps from path to path, interruption
@@ -54,6 +55,15 @@ MOTOR_ON: Final = 0x000F
 """Of the closed-loop models: 0 takes the current away where the enabling input is off."""
 
 KNOWN: Final = ((0x0000, 0x0FFF), (0x1000, 0x2FFF), (0x6000, 0x6FFF))
+SERVO_ALARM: Final = 0x0B03
+SERVO_STATE: Final = 0x0B05
+SERVO_CONTROL: Final = 0x0033
+SERVO_MONITORED: Final = (0x0B14, 0x0B16)
+"""Commanded and measured position once more."""
+REFERENCES: Final = 0x00C0
+TO_COMMANDED: Final = 0x0040
+TO_MOTOR: Final = 0x0080
+
 TURNAROUND_MS: Final = {9600: 24.9, 19200: 13.34, 38400: 7.12, 115200: 3.08}
 """From the first bit of a two-register read to the last one of its reply."""
 READ_CHARACTERS: Final = 8 + 9
@@ -62,7 +72,7 @@ WRONG_CRC: Final = 8
 
 
 class LeadshinePr(MotorDrive):
-    """See the module."""
+    """Steppers: CS2RS, iCL-RS, EM2RS / DM-RS."""
 
     functions = frozenset({3, 6, 16})
     known = KNOWN
@@ -202,3 +212,54 @@ class LeadshinePr(MotorDrive):
     def _show_trigger(self, value: int) -> None:
         self.image.set_word(TRIGGER, value)
         self.image.set_word(TRIGGER_ALIAS, value)
+
+
+class LeadshineEl7(LeadshinePr):
+    """Servos: EL7-RS, and the ELD2-RS, L7-RS, iSV2-RS and T6 families.
+
+    The block of paths is that of the steppers; bits 6 and 7 of a mode are one field, the state stands
+    elsewhere, and a wrong check sum is not known to be answered. The drive is commissioned: PR mode chosen
+    (Pr0.01 = 6) and the servo switched on by an input, because programs do not agree on the register that
+    would do it (0x0401, 0x0405, 0x0409).
+    """
+
+    auxiliaries = (AUXILIARY, SERVO_CONTROL)
+    harmless = frozenset({NOTHING, 0x1122})
+    is_switched_by_bus = False
+
+    def go(self, mode: int, target: int, now_s: float) -> None:
+        """See :class:`LeadshinePr`."""
+        match mode & REFERENCES:
+            case 0:
+                self.motor.absolute(target, now_s)
+            case reference if reference == TO_COMMANDED:
+                self.motor.relative(target, Basis.COMMANDED, now_s)
+            case reference if reference == TO_MOTOR:
+                self.motor.relative(target, Basis.ACTUAL, now_s)
+            case _:
+                self.unheard_of(PATHS, mode)
+
+    def bad_crc_reply(self, function: int) -> bytes | None:
+        """Stay silent."""
+        return None
+
+    def response_delay_s(self, baudrate: int) -> float:
+        """Return 0: the delay of the servos is not published."""
+        return 0.0
+
+    def show_status(self) -> None:
+        """See :class:`LeadshinePr`."""
+        motor = self.motor
+        for address in SERVO_MONITORED:
+            self.put32(address, motor.actual_counts)
+        self.image.set_word(
+            SERVO_STATE,
+            bits_of(
+                b0=not motor.has_alarm,
+                b1=not motor.has_alarm,
+                b2=motor.has_alarm,
+                b3=motor.is_homed,
+                b4=motor.is_done,
+            ),
+        )
+        self.image.set_word(SERVO_ALARM, int(motor.has_alarm))
