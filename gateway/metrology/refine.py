@@ -1,7 +1,7 @@
 """A better table, from readings taken while the old one was in use: new = old + (nominal - measured)."""
 
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from statistics import pstdev
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.metrology.build import Fit, HomeReference, build_table, referenced
+from gateway.metrology.build import Fit, HomeReference, Recipe, Refusal, build_table, referenced
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period
 from gateway.metrology.outliers import find_outliers
@@ -67,7 +67,7 @@ def refine_table(
     one_way: bool = False,
     fit: Fit | None = None,
     periods: tuple[Period, ...] = (),
-    refusal: Callable[[CorrectionTable], str | None] | None = None,
+    refusal: Refusal | None = None,
 ) -> Refined:
     """Add what is left of the error to the table that left it (TB058: "Always add the error").
 
@@ -150,7 +150,6 @@ def _followed(
     survey: Survey, rest: CorrectionTable, fit: Fit, periods: tuple[Period, ...], *, one_way: bool
 ) -> "tuple[CorrectionTable, Screw | None, list[str]]":
     """Return the rest along the curve that leaves least, what the readings say, and why."""
-    from gateway.metrology.fitting import Points as Chosen
     from gateway.metrology.fitting import choose
     from gateway.metrology.screw import screw_of
 
@@ -160,7 +159,7 @@ def _followed(
         if fit in (Fit.SMOOTH, Fit.HARMONICS):
             raise
         return rest, None, [f"{error}: nothing is said about what this table leaves between its points"]
-    evidence = choose(screw, rest, fit, Chosen(one_way=one_way), None)
+    evidence = choose(screw, rest, Recipe(fit=fit, one_way=one_way))
     return evidence.chosen.table, screw, [*evidence.warnings, *evidence.described(survey.units, "change")]
 
 
