@@ -15,7 +15,7 @@ from gateway.times import NS_PER_MS, NS_PER_S
 MERGED_NS: Final = 10 * NS_PER_MS
 
 
-class Arrival(NamedTuple):
+class TimedByte(NamedTuple):
     """A byte at the end of a wire."""
 
     came_ns: int
@@ -54,7 +54,7 @@ class Ear:
 
     >>> ear = Ear(Hearing.STANDARD, baudrate=1000, bits_per_character=10)
     >>> for at, byte in enumerate(bytes.fromhex("01 06 31 00 00 0F C7 32")):
-    ...     _ = ear.hear(Arrival(10_000_000 * at, byte))
+    ...     _ = ear.hear(TimedByte(10_000_000 * at, byte))
     >>> ear.deadline_ns
     115000000
     >>> ear.take(115_000_000).hex(" ")
@@ -85,7 +85,7 @@ class Ear:
         """
         return self._last_ns + self._ends_ns + self._character_ns if self._heard else None
 
-    def hear(self, arrival: Arrival) -> bytes:
+    def hear(self, arrival: TimedByte) -> bytes:
         """Take a byte; return the frame that had ended before it came, empty where there is none."""
         ended = self.take(arrival.came_ns)
         if self._heard:

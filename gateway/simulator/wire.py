@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.simulator.clock import Alarm, loop_now_ns
-from gateway.simulator.ears import Arrival, Hearing
+from gateway.simulator.ears import Hearing, TimedByte
 from gateway.simulator.errors import SimulatorError
 from gateway.simulator.pty import FdChannel
 from gateway.times import NS_PER_MS, NS_PER_S
@@ -87,7 +87,7 @@ class PacedWire:
         self._jitter = random.Random(adapter.seed)
         self._busy_from_ns = 0
         self._busy_bytes = 0
-        self._on_wire: deque[Arrival] = deque()
+        self._on_wire: deque[TimedByte] = deque()
         self._lump = bytearray()
         self._lump_begun_ns = 0
         self._lump_due_ns = 0
@@ -114,7 +114,7 @@ class PacedWire:
                 self.bytes_of_noise += 1
                 self._travels(self._rng.randrange(0x100))
 
-    def arrivals(self, now_ns: int) -> list[Arrival]:
+    def arrivals(self, now_ns: int) -> list[TimedByte]:
         """Bytes at the far end of the wire by ``now_ns``, before its adapter: what a drive hears."""
         arrived = []
         while self._on_wire and self._on_wire[0].came_ns <= now_ns:
@@ -142,7 +142,7 @@ class PacedWire:
         """A character's time passes; None: with nothing in it."""
         self._busy_bytes += 1
         if byte is not None:
-            self._on_wire.append(Arrival(self._free_at_ns(self._busy_bytes), byte))
+            self._on_wire.append(TimedByte(self._free_at_ns(self._busy_bytes), byte))
 
     def _damage(self, byte: int) -> int | None:
         faults = self._faults
