@@ -30,41 +30,7 @@ WORD_DECIMALS: Final = 3
 """Of F and P."""
 
 
-@dataclass(frozen=True, slots=True)
-class Cycle:
-    """How an axis is driven through its targets; lengths in ``units``, ``feed`` in units a minute.
-
-    ``overrun`` is how far it goes beyond the last target before it turns: more than the lost motion, or the
-    first target of the way back would be approached from the wrong side. ``dwell`` is in the unit of the
-    control's ``G4 P``: seconds on many, milliseconds on others.
-    """
-
-    axis: str
-    units: Units
-    feed: float
-    dwell: float
-    overrun: float
-    runs: int
-
-    def __post_init__(self) -> None:
-        """Check what no control would run.
-
-        Raises:
-            ReadingsError: no letter of an axis, or a number that is not above 0 as the program writes it.
-        """
-        if len(self.axis) != 1 or self.axis.upper() not in AXES:
-            raise ReadingsError(
-                f"axis {self.axis!r}: a program needs the letter of an axis, {', '.join(AXES)}"
-            )
-        for name, number, decimals in (
-            ("feed", self.feed, WORD_DECIMALS),
-            ("dwell", self.dwell, WORD_DECIMALS),
-            ("overrun", self.overrun, DECIMALS[self.units]),
-        ):
-            if not (isfinite(number) and round(number, decimals) > 0.0):
-                raise ReadingsError(f"{name} {number:g}: it must be above 0, with {decimals} decimals")
-        if self.runs < 1:
-            raise ReadingsError(f"{self.runs} runs: at least one each way")
+# --- Targets
 
 
 def even_targets(low: float, high: float, step: float) -> list[float]:
@@ -135,6 +101,9 @@ def check_targets(targets: Sequence[float], units: Units, travel: tuple[float, f
         )
 
 
+# --- The order of the stops
+
+
 @dataclass(frozen=True, slots=True)
 class Stop:
     """One stop of a cycle. ``direction`` is that of the move that led to it; ends are no measuring stops.
@@ -190,6 +159,46 @@ def remaining(stops: Sequence[Stop], done: int) -> list[Stop]:
         else:
             measured += 1
     return []
+
+
+# --- Programs of a control
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """How an axis is driven through its targets; lengths in ``units``, ``feed`` in units a minute.
+
+    ``overrun`` is how far it goes beyond the last target before it turns: more than the lost motion, or the
+    first target of the way back would be approached from the wrong side. ``dwell`` is in the unit of the
+    control's ``G4 P``: seconds on many, milliseconds on others.
+    """
+
+    axis: str
+    units: Units
+    feed: float
+    dwell: float
+    overrun: float
+    runs: int
+
+    def __post_init__(self) -> None:
+        """Check what no control would run.
+
+        Raises:
+            ReadingsError: no letter of an axis, or a number that is not above 0 as the program writes it.
+        """
+        if len(self.axis) != 1 or self.axis.upper() not in AXES:
+            raise ReadingsError(
+                f"axis {self.axis!r}: a program needs the letter of an axis, {', '.join(AXES)}"
+            )
+        for name, number, decimals in (
+            ("feed", self.feed, WORD_DECIMALS),
+            ("dwell", self.dwell, WORD_DECIMALS),
+            ("overrun", self.overrun, DECIMALS[self.units]),
+        ):
+            if not (isfinite(number) and round(number, decimals) > 0.0):
+                raise ReadingsError(f"{name} {number:g}: it must be above 0, with {decimals} decimals")
+        if self.runs < 1:
+            raise ReadingsError(f"{self.runs} runs: at least one each way")
 
 
 def endless_steps(axis: str, step: float, dwell: float, decimals: int) -> str:

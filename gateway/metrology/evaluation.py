@@ -174,6 +174,9 @@ def _accuracy(approaches: list[Approach]) -> float | None:
     return _spread(bounds) if len(bounds) == len(approaches) else None
 
 
+# --- As data
+
+
 def values_of(found: Evaluation) -> dict[str, tuple[float | None, float | None, float | None]]:
     """Return forward, backward and both of each result."""
     return {
@@ -207,6 +210,9 @@ def results_json(found: Evaluation) -> dict[str, object]:
             for each in found.targets
         ],
     }
+
+
+# --- What the standard asks of a test
 
 
 def missing_of(found: Evaluation) -> tuple[str, ...]:

@@ -92,23 +92,6 @@ class Survey:
         return replace(self, readings=tuple(readings), units=units)
 
 
-def understood(survey: Survey) -> str:
-    """Say axis, unit, targets, runs of each direction, and the sign by its largest deviations."""
-    small = small_unit(survey.units)
-    targets = survey.targets
-    deviations = [each.deviation * small.factor for each in survey.readings]
-    runs = " and ".join(
-        f"{len({each.run for each in survey.readings if each.direction is way})} {way.name.lower()}"
-        for way in APPROACHES
-    )
-    axis = f"axis {survey.axis}" if survey.axis else "an axis without a name"
-    return (
-        f"{survey.source}: {axis}, {survey.units.value}, {len(targets)} targets from {targets[0]:.9g} to "
-        f"{targets[-1]:.9g}, runs {runs}; deviations {min(deviations):+.4g} to {max(deviations):+.4g} "
-        f"{small.name}, positive where the nut went too far"
-    )
-
-
 class Small(NamedTuple):
     """``factor`` turns a length in the units of the axis into this one; ``key`` is its name in plain data."""
 
@@ -179,6 +162,44 @@ def checked_approaches(readings: Iterable[Reading]) -> dict[tuple[float, Directi
     if not known:
         raise ReadingsError("no readings: measure every target from both sides")
     return by_approach(known)
+
+
+def check_reading(reading: Reading, number: int) -> None:
+    """Check one reading; ``number`` counts from 1.
+
+    Raises:
+        ReadingsError: a number that is not finite, or no direction.
+    """
+    if not isfinite(reading.target) or not isfinite(reading.measured):
+        raise ReadingsError(
+            f"reading {number}: target {reading.target}, measured {reading.measured}: "
+            "both must be finite numbers"
+        )
+    if reading.direction not in APPROACHES:
+        raise ReadingsError(
+            f"reading {number} at {reading.target:.9g}: direction {reading.direction.name.lower()}; "
+            "it must be forward or backward, as the target was approached"
+        )
+
+
+def understood(survey: Survey) -> str:
+    """Say axis, unit, targets, runs of each direction, and the sign by its largest deviations."""
+    small = small_unit(survey.units)
+    targets = survey.targets
+    deviations = [each.deviation * small.factor for each in survey.readings]
+    runs = " and ".join(
+        f"{len({each.run for each in survey.readings if each.direction is way})} {way.name.lower()}"
+        for way in APPROACHES
+    )
+    axis = f"axis {survey.axis}" if survey.axis else "an axis without a name"
+    return (
+        f"{survey.source}: {axis}, {survey.units.value}, {len(targets)} targets from {targets[0]:.9g} to "
+        f"{targets[-1]:.9g}, runs {runs}; deviations {min(deviations):+.4g} to {max(deviations):+.4g} "
+        f"{small.name}, positive where the nut went too far"
+    )
+
+
+# --- Several surveys of one axis
 
 
 def merged(surveys: Sequence[Survey]) -> Survey:
@@ -252,22 +273,7 @@ def _doubled(surveys: Sequence[Survey]) -> list[str]:
     ]
 
 
-def check_reading(reading: Reading, number: int) -> None:
-    """Check one reading; ``number`` counts from 1.
-
-    Raises:
-        ReadingsError: a number that is not finite, or no direction.
-    """
-    if not isfinite(reading.target) or not isfinite(reading.measured):
-        raise ReadingsError(
-            f"reading {number}: target {reading.target}, measured {reading.measured}: "
-            "both must be finite numbers"
-        )
-    if reading.direction not in APPROACHES:
-        raise ReadingsError(
-            f"reading {number} at {reading.target:.9g}: direction {reading.direction.name.lower()}; "
-            "it must be forward or backward, as the target was approached"
-        )
+# --- What the facts decide: of which axis readings are, and with a table or without
 
 
 def was_corrected(facts: Mapping[str, str]) -> bool | None:

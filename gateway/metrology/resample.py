@@ -24,6 +24,9 @@ LEAST_POINTS: Final = 3
 """Through two points a line goes exactly: they would smooth nothing."""
 
 
+# --- Other values
+
+
 def smoothed(table: CorrectionTable, window: float) -> tuple[CorrectionTable, Change]:
     """Return the smoothed table and how much it differs at its points; the window is in its units.
 
@@ -62,6 +65,9 @@ def _value(
     spread = sum(weight * (positions[i] - middle) ** 2 for i, weight in near)
     slope = sum(weight * (positions[i] - middle) * (curve[i] - mean) for i, weight in near) / spread
     return mean + slope * (positions[index] - middle)
+
+
+# --- Other points
 
 
 def on_grid(

@@ -13,6 +13,9 @@ from gateway.metrology.tables import correction_at
 NOT_JUDGED: Final = "not known from these readings: too few targets, or more than tell anything"
 
 
+# --- At the targets
+
+
 def predicted_residue(survey: Survey, table: CorrectionTable) -> Survey:
     """Return the readings as they would be with a table in use: each deviation plus the correction there.
 
@@ -51,6 +54,9 @@ def _uncovered(survey: Survey, table: CorrectionTable) -> list[str]:
         f"{min(outside):.9g} to {max(outside):.9g}: predicted with its end values held there"
     )
     return [remark]
+
+
+# --- Between the targets
 
 
 class LeftOut(NamedTuple):

@@ -64,7 +64,9 @@ def panels(found: Findings) -> list[Panel]:
 
 def readings_panels(found: Findings) -> list[Panel]:
     """Return the readings before and those after, on the same scale."""
-    limits = _common_limits(found)
+    measured = [each for each in (found.before, found.after) if each is not None]
+    # The line of no deviation is always in it.
+    limits = _limits([0.0, *(edge for each in measured for edge in _edges(each, found))], _ROOM)
     made = []
     if found.before is not None:
         title = (
@@ -84,7 +86,7 @@ def _readings_panel(
     def draw(axes: "Axes") -> None:
         dress(axes, found, "deviation")
         for way, colour, style in _WAYS:
-            draw_approach(axes, found, evaluation, (way, colour, style))
+            _draw_approach(axes, found, evaluation, (way, colour, style))
         if limits is not None:
             axes.set_ylim(*limits)
         legend(axes)
@@ -103,13 +105,13 @@ def _readings_panel(
     return Panel(f"readings-{when}", title, about, draw, is_half)
 
 
-def draw_approach(
+def _draw_approach(
     axes: "Axes", found: Findings, evaluation: Evaluation, what: tuple[str, str, dict[str, Any]]
 ) -> None:
     """Draw one direction: band, single readings, mean."""
     way, colour, style = what
     show = found.scale.of
-    points = approaches(evaluation, way)
+    points = _approaches(evaluation, way)
     if not points:
         return
     targets = [target for target, _ in points]
@@ -127,7 +129,7 @@ def draw_approach(
     curve(axes, targets, means, f"mean-{way}", label=f"moving {way}", zorder=2.5, **style)
 
 
-def approaches(evaluation: Evaluation, way: str) -> list[tuple[float, Approach]]:
+def _approaches(evaluation: Evaluation, way: str) -> list[tuple[float, Approach]]:
     """Return the targets that were approached in a direction."""
     found = []
     for target in evaluation.targets:
@@ -156,26 +158,22 @@ def _has_bands(evaluation: Evaluation) -> bool:
     )
 
 
-def _common_limits(found: Findings) -> tuple[float, float] | None:
-    """Return the scale that holds everything before and after, and the line of no deviation."""
-    values = [0.0]
-    for evaluation in (found.before, found.after):
-        if evaluation is not None:
-            values += [found.scale.of(edge) for edge in edges(evaluation)]
+def _limits(values: Sequence[float], share: float) -> tuple[float, float] | None:
+    """Return the scale that holds everything, with room above and below; None where nothing differs."""
     low, high = min(values), max(values)
-    room = (high - low) * _ROOM
+    room = (high - low) * share
     return (low - room, high + room) if room else None
 
 
-def edges(evaluation: Evaluation) -> Sequence[float]:
-    """Return everything that a picture of readings must have room for, in the units of the axis."""
-    found: list[float] = []
+def _edges(evaluation: Evaluation, found: Findings) -> list[float]:
+    """Return everything that a picture of readings must have room for, as it is shown."""
+    lengths: list[float] = []
     for target in evaluation.targets:
         for approach in (target.forward, target.backward):
             if approach is not None:
                 s = approach.s or 0.0
-                found += [*approach.deviations, approach.mean - 2 * s, approach.mean + 2 * s]
-    return found
+                lengths += [*approach.deviations, approach.mean - 2 * s, approach.mean + 2 * s]
+    return [found.scale.of(length) for length in lengths]
 
 
 # --- What is left, magnified
@@ -186,12 +184,12 @@ def residue_panel(found: Findings) -> Panel | None:
     after = found.after
     if after is None or found.before is None:
         return None
-    accuracy, limits = after.accuracy, _residue_limits(found, after)
+    accuracy, limits = after.accuracy, _limits(_edges(after, found), _RESIDUE_ROOM)
 
     def draw(axes: "Axes") -> None:
         dress(axes, found, "deviation")
         for way, colour, style in _WAYS:
-            draw_approach(axes, found, after, (way, colour, style))
+            _draw_approach(axes, found, after, (way, colour, style))
         bounds = _bounds(found)
         if bounds is not None:
             for place, edge in zip(("low", "high"), bounds, strict=True):
@@ -209,13 +207,6 @@ def residue_panel(found: Findings) -> Panel | None:
     if limits is not None and not limits[0] <= 0.0 <= limits[1]:
         about += " That all of it lies to one side of 0 is the choice of the zero, at home, and no error."
     return Panel("residue", f"Residue after compensation, magnified ({found.after_word})", about, draw)
-
-
-def _residue_limits(found: Findings, after: Evaluation) -> tuple[float, float] | None:
-    """Return the scale that holds all of it, whether 0 is in it or not; None where nothing differs."""
-    values = [found.scale.of(edge) for edge in edges(after)]
-    room = (max(values) - min(values)) * _RESIDUE_ROOM
-    return (min(values) - room, max(values) + room) if room else None
 
 
 def _bounds(found: Findings) -> tuple[float, float] | None:

@@ -178,6 +178,9 @@ class PacedWire:
         self._lump.clear()
 
 
+# --- On the running loop
+
+
 @dataclass(frozen=True, slots=True)
 class Cable:
     """What a serial line is like, besides its baud rate."""
