@@ -59,7 +59,6 @@ class AppliedMotion16(MotorDrive):
     is_enabled = True
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         for address in self.positions:
             self.put32(address, self.motor.actual_counts)
         self.show_status(self.status())
@@ -82,7 +81,6 @@ class AppliedMotion16(MotorDrive):
         self.image.set_word(STATUS, status)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if OPCODE in before:
             self._execute(self.image.word(OPCODE), now_s)
 
@@ -121,12 +119,11 @@ class AppliedMotion32(AppliedMotion16):
     known = ((0, 511),)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`AppliedMotion16`; the speed acts while it jogs, and 0 lets it stand."""
+        """The speed acts while it jogs, and 0 lets it stand."""
         if WIDE_JOG_SPEED + 1 in before and self.get32(WIDE_JOG_SPEED) == 0:
             self.motor.stop(now_s)
         super().written(before, now_s)
 
     def show_status(self, status: int) -> None:
-        """See :class:`AppliedMotion16`."""
         self.put32(ALARM, int(self.motor.has_alarm))
         self.put32(WIDE_STATUS, status)

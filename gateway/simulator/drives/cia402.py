@@ -106,7 +106,6 @@ class Drive402(MotorDrive, ABC):
     """
 
     steps = True
-    """See :class:`DeviceControl`."""
     mode_at = MODE
     target_at = TARGET
     run_modes: frozenset[int] = frozenset({SPEED_MODE})
@@ -195,18 +194,15 @@ class ObjectRegisters(Drive402):
         return index + 1
 
     def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
         return bool(self._indexes(address, count))
 
     def read_words(self, address: int, count: int) -> bytes:
-        """See :class:`RegisterServer`."""
         indexes = self._indexes(address, count)
         if not self.write_only.isdisjoint(indexes):
             raise RefusedError(ILLEGAL_ADDRESS)
         return b"".join(self.objects[index] for index in indexes)
 
     def before_write(self, address: int, count: int, now_s: float) -> None:
-        """See :class:`RegisterServer`."""
         if not self.read_only.isdisjoint(self._indexes(address, count)):
             raise RefusedError(ILLEGAL_ADDRESS)
 

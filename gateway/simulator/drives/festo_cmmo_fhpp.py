@@ -46,11 +46,11 @@ class FestoCmmoFhpp(MotorDrive):
         self._state = RegisterImage(WORDS)
 
     def read_words(self, address: int, count: int) -> bytes:
-        """See :class:`RegisterServer`: the state, which lies at the same addresses."""
+        """The state, which lies at the same addresses."""
         return self._state.words(address, count)
 
     def show(self) -> None:
-        """See :class:`MotorDrive`. SCON and SPOS share a register, SDIR and the velocity another one."""
+        """SCON and SPOS share a register, SDIR and the velocity another one."""
         motor = self.motor
         word = self.image.word(CONTROL)
         enabled = bool(word & ENABLE) and not motor.has_alarm
@@ -70,7 +70,6 @@ class FestoCmmoFhpp(MotorDrive):
         self._state.set_word(SETPOINT + 1, motor.actual_counts)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if CONTROL not in before:
             return
         word, was = self.image.word(CONTROL), before[CONTROL]

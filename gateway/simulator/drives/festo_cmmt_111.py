@@ -66,7 +66,6 @@ class FestoCmmt111(MotorDrive):
         return READ_IDENTIFICATION + bytes((pdu[2], 1, 0, 0, len(IDENTIFICATION))) + objects
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         enabled = self.image.word(STW1) & ON_BITS == ON_BITS and not motor.has_alarm
         state = bits_of(
@@ -85,7 +84,6 @@ class FestoCmmt111(MotorDrive):
         self.image.set_word(FAULT_CODE, int(motor.has_alarm))
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if POS_STW2 in before and self.image.word(POS_STW2) & REFERENCE_POINT & ~before[POS_STW2]:
             self.motor.set_position(0, now_s)
         word = self.image.word(STW1)

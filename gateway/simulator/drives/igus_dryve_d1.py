@@ -73,13 +73,11 @@ class IgusDryveD1(Drive402):
         return pdu[: HEAD - 1] + b"\x00"
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         self._put(ACTUAL, self.motor.actual_counts)
         self._objects[MODE_SHOWN, 0] = self._objects[MODE, 0]
         self._put(STATUS, self.status())
 
     def number(self, index: int) -> int:
-        """See :class:`Drive402`."""
         return int.from_bytes(self._objects[index, 0], "little", signed=index in (TARGET, ACTUAL, MODE))
 
     def _put(self, index: int, value: int) -> None:

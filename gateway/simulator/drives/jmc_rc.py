@@ -60,12 +60,10 @@ class JmcRc(ObjectRegisters):
         self._set(METHOD, 1)
 
     def following(self, index: int) -> int | None:
-        """See :class:`ObjectRegisters`."""
         behind = TABLE[TABLE.index(index) + 1 :] if index in TABLE else ()
         return next(iter(behind), None)
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         self.objects[ACTUAL] = (motor.actual_counts & 0xFFFF_FFFF).to_bytes(4)
         self.objects[MODE_SHOWN] = self.objects[MODE]
@@ -79,7 +77,6 @@ class JmcRc(ObjectRegisters):
         self._set(STATUS, state)
 
     def number(self, index: int) -> int:
-        """See :class:`Drive402`."""
         data = self.objects[index]
         return signed(int.from_bytes(data), 8 * len(data))
 
@@ -87,13 +84,11 @@ class JmcRc(ObjectRegisters):
         self.objects[index] = value.to_bytes(2 * OBJECT_WORDS[index])
 
     def go_home(self, now_s: float) -> None:
-        """See :class:`Drive402`."""
         if self.number(METHOD) == HERE:
             self.motor.set_position(self.number(HOME_PLACE), now_s)
         else:
             self.motor.home(now_s)
 
     def start_in(self, mode: int, now_s: float) -> None:
-        """See :class:`Drive402`."""
         if mode not in RUNS:
             self.unheard_of(MODE, mode & 0xFFFF)

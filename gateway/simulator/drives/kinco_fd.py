@@ -51,7 +51,6 @@ class KincoFd(Drive402):
         return bytes((ERROR_FUNCTIONS.get(request[0], request[0] | 0x80), code))
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         self.put32(ACTUAL, motor.actual_counts)
         enabled = self.control.is_enabled
@@ -68,7 +67,6 @@ class KincoFd(Drive402):
         self.image.set_word(STATUS, state)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if ACTUAL in before or ACTUAL + 1 in before:
             self.motor.set_position(self.get32(ACTUAL), now_s)
         started = CONTROL in before and self.command(self.image.word(CONTROL), now_s)
@@ -77,11 +75,9 @@ class KincoFd(Drive402):
             self.motor.absolute(self.get32(TARGET), now_s)
 
     def number(self, index: int) -> int:
-        """See :class:`Drive402`."""
         return self.get32(index) if index == TARGET else self.image.word(index)
 
     def start_in(self, mode: int, now_s: float) -> None:
-        """See :class:`Drive402`."""
         if mode in OTHER_MODES:
             self.motor.other()
         else:

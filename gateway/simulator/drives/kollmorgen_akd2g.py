@@ -59,7 +59,6 @@ class KollmorgenAkd2g(MotorDrive):
         self.error_mode = 1
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         for index, motor in enumerate(self.axes):
             base = AXIS_STRIDE * index
             self.put32(base + POSITION, motor.actual_counts)

@@ -103,7 +103,6 @@ class LeadshinePr(MotorDrive):
         return max(0.0, TURNAROUND_MS[baudrate] * NS_PER_MS - wire_ns) / NS_PER_S
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         for address in (COMMANDED, COMMANDED_MIRROR, ACTUAL, ACTUAL_MIRROR):
             self.put32(address, motor.actual_counts)
@@ -132,7 +131,6 @@ class LeadshinePr(MotorDrive):
         self.image.set_word(ALARM, int(motor.has_alarm))
 
     def read_words(self, address: int, count: int) -> bytes:
-        """See :class:`RegisterServer`."""
         for proxy in range(PROXIES, PROXIES + PROXY_COUNT):
             self.image.set_word(proxy, self.image.word(self._target_of(proxy)))
         words = super().read_words(address, count)
@@ -141,7 +139,6 @@ class LeadshinePr(MotorDrive):
         return words
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         for proxy in range(PROXIES, PROXIES + PROXY_COUNT):
             if proxy in before and self._target_of(proxy):
                 self.write_words(self._target_of(proxy), self.image.words(proxy, 1), now_s)
@@ -228,7 +225,6 @@ class LeadshineEl7(LeadshinePr):
     is_switched_by_bus = False
 
     def go(self, mode: int, target: int, now_s: float) -> None:
-        """See :class:`LeadshinePr`."""
         match mode & REFERENCES:
             case 0:
                 self.motor.absolute(target, now_s)
@@ -248,7 +244,6 @@ class LeadshineEl7(LeadshinePr):
         return 0.0
 
     def show_status(self) -> None:
-        """See :class:`LeadshinePr`."""
         motor = self.motor
         for address in SERVO_MONITORED:
             self.put32(address, motor.actual_counts)

@@ -55,14 +55,12 @@ class MitsubishiMrJeC(ObjectRegisters):
         self._set_word(MODE, POSITION_MODE)
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         position = self.motor.actual_counts & 0xFFFF_FFFF
         self.objects[ACTUAL] = (position & 0xFFFF).to_bytes(2) + (position >> 16).to_bytes(2)
         self.objects[MODE_SHOWN] = self.objects[MODE]
         self._set_word(STATUS, self.status())
 
     def number(self, index: int) -> int:
-        """See :class:`Drive402`."""
         if OBJECT_WORDS[index] == 1:
             return signed(int.from_bytes(self.objects[index]), 16)
         return self._long(index, 0)
@@ -75,14 +73,13 @@ class MitsubishiMrJeC(ObjectRegisters):
         self.objects[index] = word.to_bytes(2)
 
     def go_home(self, now_s: float) -> None:
-        """See :class:`Drive402`."""
         if self.number(METHOD) in HERE:
             self.motor.set_position(0, now_s)
         else:
             self.motor.home(now_s)
 
     def start_in(self, mode: int, now_s: float) -> None:
-        """See :class:`Drive402`. A point of the table is a count, the position, and six more numbers."""
+        """A point of the table is a count, the position, and six more numbers."""
         if mode != POINT_MODE:
             self.motor.other()
             return

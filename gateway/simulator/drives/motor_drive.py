@@ -214,11 +214,9 @@ class MotorDrive(RegisterServer):
         self.image.set_word(address + 1, low)
 
     def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
         return within(address, count, self.known)
 
     def refresh(self, now_s: float) -> None:
-        """See :class:`RegisterServer`."""
         self._now_s = now_s
         for motor in self.axes:
             motor.advance(now_s)

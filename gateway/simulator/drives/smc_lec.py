@@ -51,11 +51,10 @@ class SmcLec(MotorDrive):
     known = KNOWN
 
     def has_bits(self, function: int, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`: coils end where the inputs begin."""
+        """Coils end where the inputs begin."""
         return within(address, count, KNOWN_BITS)
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         self.put32(POSITION, motor.actual_counts)
         self.put32(PRESENT_TARGET, motor.target_counts)
@@ -66,7 +65,6 @@ class SmcLec(MotorDrive):
         self.image.set_coil(ALARM, motor.has_alarm)
 
     def coil_written(self, address: int, *, before: bool, on: bool, now_s: float) -> None:
-        """See :class:`RegisterServer`."""
         if before == on:
             return
         if address == RESET and on:
@@ -88,7 +86,6 @@ class SmcLec(MotorDrive):
         self.show()
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if START not in before or not self.image.word(START):
             return
         if self.image.word(START) != RUN:

@@ -43,7 +43,7 @@ class StepperonlineEssRs(MotorDrive):
     max_read = 16
 
     def show(self) -> None:
-        """See :class:`MotorDrive`. Commands can only be written."""
+        """Commands can only be written."""
         motor = self.motor
         self.order = Order.LOW_FIRST if self.image.word(WORD_ORDER) else Order.HIGH_FIRST
         self.put32(POSITION, motor.actual_counts)
@@ -54,7 +54,6 @@ class StepperonlineEssRs(MotorDrive):
         self.image.set_word(AUXILIARY, 0)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if AUXILIARY in before:
             self._auxiliary(self.image.word(AUXILIARY), now_s)
         if TRIGGER in before:

@@ -42,18 +42,16 @@ class TlR(MotorDrive):
     known = KNOWN
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         self.put32(POSITION, motor.actual_counts)
         state = bits_of(b0=motor.is_done, b1=motor.is_homed, b2=motor.is_moving, b3=motor.has_alarm, b4=False)
         self.image.set_word(STATUS, state)
 
     def write_words(self, address: int, data: bytes, now_s: float) -> None:
-        """See :class:`MotorDrive`: what is too long is cut off."""
+        """What is too long is cut off."""
         super().write_words(address, data[: 2 * TAKEN_REGISTERS], now_s)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if AUXILIARY in before:
             self._auxiliary(self.image.word(AUXILIARY), now_s)
         if CONTROL in before:
