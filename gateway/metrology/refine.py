@@ -100,29 +100,10 @@ def refine_table(
     screw = None
     if fit is not None:
         rest, screw, said = _followed(survey, rest, fit, periods, one_way=one_way)
-    positions = list(old.positions)
-    if points is Points.UNION:
-        positions = _union(positions, rest.positions)
-    new = _sum(old, rest, positions)
-    if screw is not None and points is Points.TABLE:
-        wider = _sum(old, rest, _union(positions, rest.positions))
-        if screw.leaves(_less(wider, old)) * CLEARLY < screw.leaves(_less(new, old)):
-            refused = None if refusal is None else refusal(wider)
-            said.append(
-                f"{len(wider.positions)} points instead of {len(positions)}: those of the old table lie too "
-                "far apart for what repeats"
-                if refused is None
-                else f"the points of the old table lie too far apart for what repeats, and "
-                f"{len(wider.positions)} points cannot be written: {refused}"
-            )
-            if refused is None:
-                new, positions = wider, list(wider.positions)
+    new, more = _at_points(old, rest, points, screw, refusal)
+    said += more
     if home is not None:
-        was = correction_at(old, home.position, home.direction)
-        new = referenced(new, home)
-        new = make_table(
-            positions, [c + was for c in new.forward], [c + was for c in new.backward], new.units
-        )
+        new = _home_kept(new, old, home)
     unit = survey.units.value
     notes = [*survey.remarks, *_unmeasured(old, rest)]
     notes.extend(f"outlier, kept: {each.describe(unit)}" for each in find_outliers(survey))
@@ -161,6 +142,44 @@ def _followed(
         return rest, None, [f"{error}: nothing is said about what this table leaves between its points"]
     evidence = choose(screw, rest, Recipe(fit=fit, one_way=one_way))
     return evidence.chosen.table, screw, [*evidence.warnings, *evidence.described(survey.units, "change")]
+
+
+def _at_points(
+    old: CorrectionTable,
+    rest: CorrectionTable,
+    points: Points,
+    screw: "Screw | None",
+    refusal: Refusal | None,
+) -> tuple[CorrectionTable, list[str]]:
+    """Return the sum at the points that are wanted, or at more where harmonics need them; and say so."""
+    wide = _union(old.positions, rest.positions)
+    new = _sum(old, rest, wide if points is Points.UNION else list(old.positions))
+    if screw is None or points is Points.UNION:
+        return new, []
+    wider = _sum(old, rest, wide)
+    leaves_clearly_less = screw.leaves(_less(wider, old)) * CLEARLY < screw.leaves(_less(new, old))
+    if not leaves_clearly_less:
+        return new, []
+    refused = None if refusal is None else refusal(wider)
+    if refused is not None:
+        said = (
+            f"the points of the old table lie too far apart for what repeats, and {len(wider.positions)} "
+            f"points cannot be written: {refused}"
+        )
+        return new, [said]
+    said = (
+        f"{len(wider.positions)} points instead of {len(new.positions)}: those of the old table lie too far "
+        "apart for what repeats"
+    )
+    return wider, [said]
+
+
+def _home_kept(new: CorrectionTable, old: CorrectionTable, home: HomeReference) -> CorrectionTable:
+    """Return the new table with the correction at home that the old one had."""
+    was = correction_at(old, home.position, home.direction)
+    new = referenced(new, home)
+    forward, backward = ([c + was for c in curve] for curve in (new.forward, new.backward))
+    return make_table(new.positions, forward, backward, new.units)
 
 
 def _sum(old: CorrectionTable, rest: CorrectionTable, positions: list[float]) -> CorrectionTable:
