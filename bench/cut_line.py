@@ -28,7 +28,7 @@ from gateway.modbus.registers import PositionField, RegisterType
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
 from gateway.modbus.rtu_line import silence_ns
 from gateway.simulator.ears import Ear, Hearing, ends_ns
-from gateway.simulator.pacing import AT_ONCE, Adapter, PacedWire
+from gateway.simulator.wire import AT_ONCE, Adapter, PacedWire
 from gateway.times import NS_PER_MS, NS_PER_S
 
 BITS: Final = 11

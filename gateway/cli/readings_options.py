@@ -10,14 +10,12 @@ import typer
 from gateway.cli.table_options import ToFileAxis, ToSense
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.compensation.units import Units
-from gateway.metrology.build import HomeCase
+from gateway.metrology.build import Fit, HomeCase
 from gateway.metrology.drift import at_20_degrees
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.formats import FORMATS, ReadingsContext, Runs, read_survey
 from gateway.metrology.lead import Period, periods_of
-from gateway.metrology.readings import Survey, merged
-from gateway.metrology.shapes import Fit
-from gateway.metrology.understood import understood
+from gateway.metrology.readings import Survey, merged, understood
 from gateway.tabfile import DIALECTS, Dialect, WriteOptions
 
 NAMES = ", ".join(each.name for each in FORMATS)

@@ -101,8 +101,7 @@ def simulate(
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
     from gateway.simulator.errors import SimulatorError
-    from gateway.simulator.pacing import Adapter, WireFaults
-    from gateway.simulator.wire import Cable
+    from gateway.simulator.wire import Adapter, Cable, WireFaults
 
     try:
         gathered = {"lump_bytes": lump_bytes} if lump_bytes else {}

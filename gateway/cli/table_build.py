@@ -16,19 +16,14 @@ from gateway.cli.table_reading import problems
 from gateway.commissioning.tables import WrittenTable, refusal, steep_notes, written_table
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.metrology.circumstances import check_uncorrected
-from gateway.metrology.doubts import doubts_of
+from gateway.metrology.doubts import doubts_of, json_of, notes_of
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.evaluation import Evaluation, evaluate
+from gateway.metrology.evaluation import Evaluation, evaluate, results_json
 from gateway.metrology.lead import longest
-from gateway.metrology.readings import Survey
+from gateway.metrology.readings import Survey, check_uncorrected, understood
 from gateway.metrology.recipe import Recipe, build_from
-from gateway.metrology.residue import predicted_residue
-from gateway.metrology.results import evidence_json, predicted_json, results_json
+from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.scale import check_scale
-from gateway.metrology.shapes import LeftOut
-from gateway.metrology.understood import understood
-from gateway.metrology.whole import json_of, notes_of
 from gateway.metrology.wrong_runs import settled
 from gateway.tabfile import Dialect, LoadedTable, TabFileError, axis_of_name
 
@@ -209,7 +204,7 @@ class _BuiltTable:
             **self.written.as_data(),
             "before": results_json(self.before),
             "predicted": {**results_json(self.predicted), **predicted_json(self.predicted, self.left_out)},
-            "fit": None if self.evidence is None else evidence_json(self.evidence),
+            "fit": None if self.evidence is None else self.evidence.as_data(),
             "understood": understood(self.survey),
             **json_of(self.survey, self.lead),
         }

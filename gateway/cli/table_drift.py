@@ -11,7 +11,7 @@ from gateway.cli.output import Format, show
 from gateway.cli.table_options import AsJson
 from gateway.cli.table_reading import problems
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.metrology.deviation import small_unit
+from gateway.metrology.readings import small_unit
 from gateway.metrology.warm_up import DriftTest, evaluate_drift, read_samples
 from gateway.tabfile import Problem, TabFileError
 from gateway.tabfile.text import MAX_BYTES, decode

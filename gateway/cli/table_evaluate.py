@@ -14,19 +14,16 @@ from gateway.cli.output import Aside, Format, show
 from gateway.cli.table_options import AsJson, Counts, Told
 from gateway.cli.table_output import PLAIN_WIDTH, PREDICTED, results_lines
 from gateway.cli.table_reading import inspect, problems
-from gateway.metrology import results as judged
-from gateway.metrology.circumstances import check_same_axis, check_uncorrected, was_corrected
+from gateway.metrology.doubts import json_of, notes_of
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.evaluation import Evaluation, results_json
 from gateway.metrology.evaluation import evaluate as iso_230_2
 from gateway.metrology.lead import Period, longest
 from gateway.metrology.outliers import find_outliers
-from gateway.metrology.readings import Survey
-from gateway.metrology.residue import predicted_residue
-from gateway.metrology.shapes import LeftOut
-from gateway.metrology.uncertainty import budget_of
-from gateway.metrology.understood import understood
-from gateway.metrology.whole import json_of, notes_of
+from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, understood, was_corrected
+from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
+from gateway.metrology.uncertainty import budget_of, known_of, limit_json, limit_line
+from gateway.metrology.vdi_3441 import vdi_json, vdi_line
 from gateway.metrology.wrong_runs import settled
 from gateway.report.findings import find, other_stretch
 from gateway.report.story import AxisStory, Report
@@ -165,10 +162,10 @@ def _by_others(last: Evaluation, options: EvaluateOptions) -> tuple[tuple[str, .
     """Return what VDI/DGQ 3441 says, and whether a limit is kept: as lines, and as plain data."""
     lines, data = [], dict[str, object]()
     if options.vdi:
-        lines.append(judged.vdi_line(last))
-        data["vdi_3441"] = judged.vdi_json(last)
+        lines.append(vdi_line(last))
+        data["vdi_3441"] = vdi_json(last)
     if options.limit is not None:
-        known = judged.known_of(
+        known = known_of(
             last,
             options.u_instrument,
             options.u_alignment,
@@ -176,8 +173,8 @@ def _by_others(last: Evaluation, options: EvaluateOptions) -> tuple[tuple[str, .
             options.u_environment,
         )
         budget = budget_of(last, known)
-        lines.append(judged.limit_line(last, budget, options.limit))
-        data["conformity"] = judged.limit_json(last, budget, options.limit)
+        lines.append(limit_line(last, budget, options.limit))
+        data["conformity"] = limit_json(last, budget, options.limit)
     return tuple(lines), data
 
 
@@ -201,15 +198,15 @@ class _Judged:
     def as_data(self) -> dict[str, object]:
         """Return it as plain data."""
         before, after = self.results
-        shown = None if after is None else judged.results_json(after)
+        shown = None if after is None else results_json(after)
         if shown is not None and self.is_predicted and after is not None:
-            shown |= judged.predicted_json(after, self.left_out)
+            shown |= predicted_json(after, self.left_out)
         return {
             "readings": self.survey.source,
             "understood": understood(self.survey),
             **self.more,
             **json_of(self.survey, self.lead),
-            "before": judged.results_json(before),
+            "before": results_json(before),
             "after": shown,
             "is_predicted": self.is_predicted,
             "notes": list(self.notes),

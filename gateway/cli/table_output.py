@@ -4,10 +4,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from gateway.metrology.evaluation import Evaluation
-from gateway.metrology.results import NAMES, left_out_line, values_of
-from gateway.metrology.shapes import LeftOut
-from gateway.metrology.standard_asks import missing_line, missing_of, title_of
+from gateway.metrology.evaluation import NAMES, Evaluation, missing_line, missing_of, title_of, values_of
+from gateway.metrology.residue import LeftOut, left_out_line
 from gateway.report.findings import other_stretch
 from gateway.tabfile import Explanation, LoadedTable, SourceRow
 from gateway.tabfile.explanation import DirectionExplained

@@ -14,11 +14,9 @@ from gateway.cli.readings_options import ScrewOptions
 from gateway.cli.table_options import AsJson, Counts, Force, Told
 from gateway.cli.table_reading import inspect, problems
 from gateway.compensation.table import CorrectionTable
-from gateway.metrology.circumstances import check_same_axis, check_uncorrected
 from gateway.metrology.formats import ReadingsContext, Runs, read_survey
-from gateway.metrology.readings import Survey, merged
-from gateway.metrology.residue import predicted_residue
-from gateway.metrology.shapes import LeftOut
+from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, merged
+from gateway.metrology.residue import LeftOut, predicted_residue
 from gateway.report.story import AxisStory, Report
 from gateway.report.words import shortest
 from gateway.report.writing import check_place, place, render

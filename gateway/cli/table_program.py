@@ -11,7 +11,7 @@ from gateway.cli.table_options import Force
 from gateway.cli.table_reading import problems
 from gateway.commissioning.tables import write_file
 from gateway.compensation.units import Units
-from gateway.metrology import program as maths
+from gateway.metrology import cycle as maths
 
 
 class Kind(Enum):
@@ -148,7 +148,7 @@ def _text(kind: Kind, stops: list[float], cycle: maths.Cycle, travel: tuple[floa
     if kind is Kind.LIST:
         maths.check_targets(stops, cycle.units, travel)
         return "".join(f"{maths.fixed(stop, maths.DECIMALS[cycle.units])}\n" for stop in stops)
-    return maths.bidirectional_cycle(stops, cycle, travel)
+    return maths.cycle_program(stops, cycle, travel)
 
 
 def _say_written(out: Path, stops: list[float], decimals: int) -> None:

@@ -15,11 +15,10 @@ from gateway.cli.table_convert import letter_for
 from gateway.cli.table_options import AsJson, Force, OutFile, Told
 from gateway.cli.table_reading import inspect, problems
 from gateway.commissioning.tables import WrittenTable, refusal, steep_notes, written_table
-from gateway.metrology.circumstances import check_corrected, check_same_axis
-from gateway.metrology.deviation import small_unit
+from gateway.metrology.doubts import notes_of
+from gateway.metrology.readings import check_corrected, check_same_axis, small_unit
 from gateway.metrology.refine import Points, Refined, refine_table
-from gateway.metrology.results import left_out_json, left_out_text
-from gateway.metrology.whole import notes_of
+from gateway.metrology.residue import left_out_json, left_out_text
 from gateway.tabfile import Dialect, LoadedTable, WriteOptions, dialect_named
 from gateway.tabfile.conversion import is_modulo, turns_lost
 

@@ -10,8 +10,8 @@ from gateway.compensation.errors import TableError
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.formats import is_readings
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES
+from gateway.metrology.tables import correction_at
 from gateway.tabfile import (
     Dialect,
     LoadedTable,

@@ -9,7 +9,7 @@ from bench.cut_line import READ, WRITE_HEAD, Way, damaged, direct_ns, has_whole,
 from gateway.exchange.cut_through.frame import CutEvent
 from gateway.modbus.crc import append_crc
 from gateway.simulator.ears import Hearing
-from gateway.simulator.pacing import Adapter
+from gateway.simulator.wire import Adapter
 
 WRITE = append_crc(WRITE_HEAD + bytes(4))
 

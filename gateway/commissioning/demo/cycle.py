@@ -16,11 +16,10 @@ from gateway.commissioning.demo.machine import AXES, AxisSpec, Rig, RigAxis, wri
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable
 from gateway.config.load import load
-from gateway.metrology.build import HomeReference
+from gateway.metrology.build import Fit, HomeReference
 from gateway.metrology.cycle import Stop, bidirectional_cycle
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Recipe, build_from
-from gateway.metrology.shapes import Fit
 from gateway.relay.gateway import Relay
 from gateway.simulator.clock import scaled_clock
 from gateway.simulator.controller import Arrival, AxisController

@@ -19,13 +19,12 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
-from gateway.simulator.axis import AxisRegisters, SimulatedAxis
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import SimulationClock
 from gateway.simulator.controller import AxisController, AxisWiring
-from gateway.simulator.drive import SimulatedDrive
+from gateway.simulator.drive import AxisRegisters, SimulatedAxis, SimulatedDrive
 from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
-from gateway.simulator.laser import Laser
+from gateway.simulator.gauge import Laser
 from gateway.simulator.mechanics import Encoder, Mechanics, unit_mm
 from gateway.simulator.motion import Dynamics
 from gateway.simulator.pty import Pty

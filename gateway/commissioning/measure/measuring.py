@@ -49,12 +49,18 @@ from gateway.config.load import Loaded
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import NoRelayError, ask_relay
 from gateway.ipc.messages import GetStatus, Ping, Status
-from gateway.metrology.cycle import Stop, bidirectional_cycle, remaining
+from gateway.metrology.cycle import (
+    DECIMALS,
+    Stop,
+    bidirectional_cycle,
+    even_targets,
+    random_targets,
+    remaining,
+)
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.gauge_kinds import GaugeKind
-from gateway.metrology.gauges import DEFAULTS, GaugeError, pattern_of
+from gateway.metrology.gauge_kinds import DEFAULTS, GaugeKind
+from gateway.metrology.gauges import GaugeError, pattern_of
 from gateway.metrology.lead import Period, lead_warnings, periods_of
-from gateway.metrology.program import DECIMALS, even_targets, random_targets
 from gateway.metrology.readings import Reading
 from gateway.state.plan import shape_of
 from gateway.transport.endpoints import SerialEndpoint
