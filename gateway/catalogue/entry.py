@@ -84,19 +84,6 @@ class ExceptionEntry:
 
 
 @dataclass(frozen=True, slots=True)
-class CounterEntry:
-    """A number that only grows."""
-
-    name: str
-    """Its key in the status."""
-    words: str
-    """What stands beside it in the terminal and on the page."""
-    meaning: str
-    """What it counts, as the end of a sentence."""
-    remedy: str = NOTHING_TO_DO
-
-
-@dataclass(frozen=True, slots=True)
 class StartEntry:
     """Why a process does not start."""
 

@@ -14,7 +14,7 @@ Decided elsewhere is whether a frame leaves and how its request ends (``transact
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Final
+from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compiled import mypyc_attr
@@ -71,6 +71,8 @@ from gateway.exchange.turns import HAS_NO_TURN, Turns
 from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.lengths import is_odd_request
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, EXCEPTION_BIT, MAX_PDU, ExceptionCode, is_exception
+from gateway.status.axis import RivalsStatus
+from gateway.status.line import UnitIds
 from gateway.times import NS_PER_MS, NS_PER_S
 
 ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
@@ -239,17 +241,16 @@ class LineExchange:
         return self.rest.owes_silence or self.silent_units.owes
 
     @property
-    def unit_ids(self) -> dict[str, Any]:
+    def unit_ids(self) -> UnitIds:
         """Unit ids that controllers have talked to, and the requests to those that nobody knows."""
         aliases = self._units.aliases
-        strangers = sorted(self._units.heard.difference(aliases.known))
-        return {
-            "heard": sorted(self._units.heard),
-            "strangers": strangers,
-            "requests": aliases.requests_by_name,
-        }
+        return UnitIds(
+            heard=sorted(self._units.heard),
+            strangers=sorted(self._units.heard.difference(aliases.known)),
+            requests=aliases.requests_by_name,
+        )
 
-    def unit_ids_status(self, now_ns: int) -> dict[str, Any]:
+    def unit_ids_status(self, now_ns: int) -> UnitIds:
         """Return whom controllers talk to, and how the drives of unit ids answer."""
         asked = {unit_id for unit_id in self._units.heard if unit_id != BROADCAST_UNIT_ID}
         shown = sorted(asked.union(axis.plan.unit_id for axis in self.axes))
@@ -257,14 +258,13 @@ class LineExchange:
         for controller, unit_id in sorted(self.silent_units.askers.union(self.meter.measured)):
             if unit_id >= 0:  # of others than the pairs that are measured apart
                 asked_by.setdefault(controller, []).append(unit_id)
-        return {
-            "axes": {axis.plan.name: axis.plan.unit_id for axis in self.axes},
-            **self.unit_ids,
-            "asked_by": asked_by,
-            "drives": {str(unit_id): self.silent_units.status(unit_id, now_ns) for unit_id in shown},
-        }
+        found = self.unit_ids
+        found.axes = {axis.plan.name: axis.plan.unit_id for axis in self.axes}
+        found.asked_by = asked_by
+        found.drives = {str(unit_id): self.silent_units.status(unit_id, now_ns) for unit_id in shown}
+        return found
 
-    def rivals_status(self, axis: str, now_ns: int) -> dict[str, object] | None:
+    def rivals_status(self, axis: str, now_ns: int) -> RivalsStatus | None:
         """Return who moves an axis beside its writer, or tries to; None: nobody does."""
         return self._ownership.rivals.status(axis, now_ns)
 
@@ -306,7 +306,6 @@ class LineExchange:
         why_given_up: str,
     ) -> None:
         if not len(pdu):
-            self.counters.malformed += 1
             return
         if port.is_serial and (self._transactions.current is not None or self._waiting.total):
             self._give_up(port, "its controller sent another request", now_ns)

@@ -20,6 +20,7 @@ from gateway.catalogue.tls_events import (
 from gateway.exchange.plan import ControllerPlan
 from gateway.relay.refusals import Refusals
 from gateway.state.plan import ControllerLink, TlsPlan
+from gateway.status.line import Session, TlsStatus
 from gateway.transport.certificates import Endings, Identity, TlsFileError
 from gateway.transport.channel import Receiver
 from gateway.transport.errors import RefusedError
@@ -108,28 +109,28 @@ class SecureDoor:
         self._is_looking = True
         self._door.renew(partial(self._looked, now))
 
-    def status(self, now: datetime) -> dict[str, object]:
+    def status(self, now: datetime) -> TlsStatus:
         """Return what TLS has to say in the status of the controller."""
         door = self._door
         if door is None:
-            return {}
-        return {
-            "handshakes": door.handshakes,
-            "failed_handshakes": self._failed,
-            "running_handshakes": door.limits.running,
-            "certificates": self._endings.status(now),
-            "sessions": [
-                {
-                    "peer": session.peer,
-                    "certified": identity.role,
-                    "role": self._plans[identity.role].role.value,
-                    "subject": identity.subject,
-                    "serial": identity.serial,
-                    "valid_until": identity.ends,
-                }
+            return TlsStatus()
+        return TlsStatus(
+            handshakes=door.handshakes,
+            failed_handshakes=self._failed,
+            running_handshakes=door.limits.running,
+            certificates=self._endings.status(now),
+            sessions=[
+                Session(
+                    peer=session.peer,
+                    certified=identity.role,
+                    role=self._plans[identity.role].role.value,
+                    subject=identity.subject,
+                    serial=identity.serial,
+                    valid_until=identity.ends,
+                )
                 for session, identity in door.sessions.items()
             ],
-        }
+        )
 
     def _receiver_for(self, identity: Identity) -> Receiver | None:
         plan = self._plans.get(identity.role)

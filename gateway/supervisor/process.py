@@ -124,8 +124,8 @@ async def _beat(feeds: Feeds, manager: ServiceManager) -> None:
 
 
 def _summary(feeds: Feeds) -> str:
-    model = feeds.model or {}
-    relay = model.get("gateway", {}).get("relay", "down")
-    troubles = model.get("troubles", ())
-    what = "".join(f"; {trouble['where']}: {trouble['what']}" for trouble in troubles[:1])
-    return f"the relay is {relay}{what}"
+    model = feeds.model
+    if model is None:
+        return "the relay is down"
+    what = "".join(f"; {trouble.where}: {trouble.what}" for trouble in model.troubles[:1])
+    return f"the relay is {model.gateway.relay}{what}"

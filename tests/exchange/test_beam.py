@@ -627,7 +627,7 @@ def test_an_axis_without_a_group_has_no_status_of_one() -> None:
     from gateway.exchange.status import axis_status
 
     bench = Bench(axis_plan())
-    assert axis_status(bench.line.axes[0], bench.now_ns)["group"] is None
+    assert axis_status(bench.line.axes[0], bench.now_ns).group is None
     assert staged_plan().name == "x"
 
 

@@ -13,6 +13,7 @@ from gateway.exchange.commands import SetReference
 from gateway.exchange.control import set_temperature
 from gateway.exchange.plan import AxisPlan, CrossPlan, Reference
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
+from gateway.status.axis import CrossStatus
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench
 
@@ -153,11 +154,8 @@ def test_an_other_axis_that_loses_its_reference_is_held_and_then_fades() -> None
     assert told(bench) == 400_000
     kinds = [(e.kind.value, dict(e.more)["term"]) for e in bench.events if e.kind.value.startswith("term-")]
     assert kinds == [("term-follows", "cross"), ("term-held", "cross"), ("term-fades", "cross")]
-    assert terms(bench).status(x.compensation, bench.now_ns)["cross"] == {
-        "state": "faded",
-        "axes": ["y"],
-        "correction": 0.0,
-    }
+    found = terms(bench).status(x.compensation, bench.now_ns)
+    assert found.cross == CrossStatus(state="faded", axes=["y"], correction=0.0)
     bench.line.command(SetReference(axis="y"), bench.now_ns)
     go_y(bench, 300_000)
     bench.move(500_000)
@@ -178,7 +176,9 @@ def test_an_other_axis_without_a_target_counts_by_where_it_was_read_to_be() -> N
     bench.memory.put(Y_ACTUAL, 900_000)
     bench.move(300_000)
     assert told(bench) == 300_060
-    assert terms(bench).status(bench.line.axes[0].compensation, bench.now_ns)["cross"]["state"] == "held"
+    found = terms(bench).status(bench.line.axes[0].compensation, bench.now_ns)
+    assert found.cross
+    assert found.cross.state == "held"
 
 
 def test_an_other_axis_that_is_lost_before_it_ever_counted_is_waited_for() -> None:

@@ -48,7 +48,7 @@ def move(bench: Bench, port: Port, counts: float) -> None:
 
 
 def writer(bench: Bench, number: int = 0) -> str | None:
-    found = axis_status(bench.line.axes[number], bench.now_ns)["writer"]
+    found = axis_status(bench.line.axes[number], bench.now_ns).writer
     assert found is None or isinstance(found, str)
     return found
 

@@ -17,6 +17,7 @@ from gateway.compensation.thermal import TermState, Thermal
 from gateway.exchange.axis.cross_term import CrossTerm, Partner
 from gateway.exchange.events import Event, EventKind
 from gateway.exchange.plan import AxisPlan
+from gateway.status.axis import CrossStatus, TermsStatus, ThermalStatus
 from gateway.times import NS_PER_MS, NS_PER_S
 
 LOOK_NS: Final = 500 * NS_PER_MS
@@ -243,28 +244,28 @@ class Terms:
             states["cross"] = self.cross_state(now_ns)
         return states
 
-    def status(self, compensation: AxisCompensation, now_ns: int) -> dict[str, object]:
+    def status(self, compensation: AxisCompensation, now_ns: int) -> TermsStatus:
         """Return its part of the status model. Corrections are in units, in force at the last target."""
         of_thermal, of_cross = self._in_force(compensation)
         total = None if of_thermal is None or of_cross is None else of_thermal + of_cross
-        found: dict[str, object] = {"correction": total, "is_too_large": self.is_too_large}
+        found = TermsStatus(correction=total, is_too_large=self.is_too_large)
         thermal = self.thermal
         if thermal is not None:
             state = thermal.state(now_ns)
-            found["thermal"] = {
-                "state": state.value,
-                "celsius": thermal.celsius,
-                "age_s": thermal.age_s(now_ns),
-                "difference": thermal.difference_at(now_ns),
-                "correction": of_thermal,
-                "is_silent": self._was_missed if state is TermState.WAITING else state in _SILENT,
-            }
+            found.thermal = ThermalStatus(
+                state=state.value,
+                celsius=thermal.celsius,
+                age_s=thermal.age_s(now_ns),
+                difference=thermal.difference_at(now_ns),
+                correction=of_thermal,
+                is_silent=self._was_missed if state is TermState.WAITING else state in _SILENT,
+            )
         if self.crosses:
-            found["cross"] = {
-                "state": self.cross_state(now_ns).value,
-                "axes": [cross.axis for cross in self.crosses],
-                "correction": of_cross,
-            }
+            found.cross = CrossStatus(
+                state=self.cross_state(now_ns).value,
+                axes=[cross.axis for cross in self.crosses],
+                correction=of_cross,
+            )
         return found
 
     def _in_force(self, compensation: AxisCompensation) -> tuple[float, float] | tuple[None, None]:
