@@ -124,7 +124,7 @@ def _entries(file: Path) -> Iterator[tuple[int, "Entry"]]:
 
 def _show_event(line: str, event: "Event") -> None:
     axis = f" axis {event.axis}" if event.axis else ""
-    typer.echo(f"              {line:<8} * {event.kind.value}{axis} {event.detail}".rstrip())
+    typer.echo(f"              {line:<8} * {event.kind.name}{axis} {event.detail}".rstrip())
 
 
 def _report(file: Path, result: "ReplayResult", *, as_json: bool) -> None:

@@ -7,10 +7,11 @@ which.
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from gateway.catalogue import exchange_events
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.dispatch import Units, is_acting_on
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.plan import Late
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.transaction import Transaction
@@ -61,9 +62,9 @@ class Deadlines:
             if axis.plan.late is Late.REJECT:
                 reason = f'{detail}: refused (late = "reject")'
                 raise RefusedRequestError(
-                    ExceptionCode.SERVER_DEVICE_BUSY, axis.plan.name, reason, EventKind.LATE_TARGET
+                    ExceptionCode.SERVER_DEVICE_BUSY, axis.plan.name, reason, exchange_events.LATE_TARGET
                 )
             if now_ns - self._told_ns.get(axis.plan.name, -TOLD_EVERY_NS) >= TOLD_EVERY_NS:
                 self._told_ns[axis.plan.name] = now_ns
                 detail = f'{detail}: sent all the same (late = "forward")'
-                self._on_event(Event(EventKind.LATE_TARGET, axis.plan.name, detail))
+                self._on_event(Event(exchange_events.LATE_TARGET, axis.plan.name, detail))

@@ -4,6 +4,7 @@
 counts before the drive has acknowledged the request.
 """
 
+from gateway.catalogue import exchange_events
 from gateway.drives.motion import Action, Form
 from gateway.exchange.access import Access
 from gateway.exchange.axis.acknowledge import Rendering
@@ -11,7 +12,6 @@ from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
 from gateway.exchange.axis.motion import Keeping
 from gateway.exchange.axis.registers import Completeness, NextPart
 from gateway.exchange.decode import AxisCommand, Staging
-from gateway.exchange.events import EventKind
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.render import (
     RefusedPositionError,
@@ -312,7 +312,7 @@ def check_may_act(command: AxisCommand) -> None:
             axis.plan.name,
             "it runs a position that the drive keeps, and nobody knows which correction that carries "
             '(stored_moves = "uncorrected" lets it pass)',
-            EventKind.STORED_MOVE,
+            exchange_events.STORED_MOVE,
         )
     if command.is_stop or axis.passes_unchanged:
         return
@@ -322,7 +322,7 @@ def check_may_act(command: AxisCommand) -> None:
             code,
             axis.plan.name,
             "a trigger, but a target, its mode or a part of it was lost before: write all of it again",
-            EventKind.AXIS_BLOCKED,
+            exchange_events.AXIS_BLOCKED,
         )
 
 
@@ -427,13 +427,13 @@ def render_relative(
     is_moving = request.known.standing.get(axis.plan.name) is Standing.MOVES
     why = "the axis moves" if is_moving else "nothing tells where the axis is"
     if axis.plan.motion.passes_unknown_relative:
-        axis.tell(EventKind.BASE_UNKNOWN, f"a relative move passed unchanged: {why}")
+        axis.tell(exchange_events.BASE_UNKNOWN, f"a relative move passed unchanged: {why}")
         return None
     raise RefusedRequestError(
         ExceptionCode.SERVER_DEVICE_BUSY,
         axis.plan.name,
         f'a relative move, and {why} (relative_unknown = "pass" lets it through unchanged)',
-        EventKind.BASE_UNKNOWN,
+        exchange_events.BASE_UNKNOWN,
     )
 
 

@@ -1,5 +1,6 @@
 """What has to be read or written before a request can be sent (M2, M5, M6, W8)."""
 
+from gateway.catalogue import exchange_events
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import (
     LOOKS,
@@ -16,7 +17,6 @@ from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, TARGETED, KeptOver
 from gateway.exchange.decode import AxisCommand
-from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.prepare import check_may_act, render_relative, seen
 from gateway.exchange.refusal import RefusedRequestError
@@ -340,7 +340,7 @@ def _not_ours(axis: Axis) -> RefusedRequestError:
         axis.plan.name,
         "a trigger, and its target was not written through the gateway: write it again "
         '(stored_moves = "uncorrected" lets it pass)',
-        EventKind.STORED_MOVE,
+        exchange_events.STORED_MOVE,
     )
 
 

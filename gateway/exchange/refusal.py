@@ -1,6 +1,7 @@
 """What the gateway refuses by itself."""
 
-from gateway.exchange.events import EventKind
+from gateway.catalogue import exchange_events
+from gateway.catalogue.entry import EventEntry
 
 
 class RefusedRequestError(Exception):
@@ -11,7 +12,7 @@ class RefusedRequestError(Exception):
         code: int,
         axis: str,
         reason: str,
-        kind: EventKind = EventKind.REFUSED_VALUE,
+        kind: EventEntry = exchange_events.REFUSED_VALUE,
         *,
         is_too_early: bool = False,
     ) -> None:

@@ -22,11 +22,12 @@ from typing import Final
 from librt.vecs import vec
 from mypy_extensions import i64
 
+from gateway.catalogue import exchange_events
 from gateway.exchange.added_frames import trial_read
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.dispatch import Units, is_acting_on
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.plan import LineTiming
 from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.rest import LONGEST_DRAIN
@@ -260,7 +261,7 @@ class SilentUnits:
         self._forget(silence)
         if before is Reach.ANSWERS:
             return
-        self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
+        self._on_event(Event(exchange_events.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
         if before is Reach.DEAD:  # it was not asked, so nobody knows since when it is there again
             axes = self._units.axes_of(unit_id)
             for axis in axes:

@@ -152,7 +152,7 @@ def test_an_other_axis_that_loses_its_reference_is_held_and_then_fades() -> None
     bench.wait(60_000.0)
     bench.move(400_000)
     assert told(bench) == 400_000
-    kinds = [(e.kind.value, dict(e.more)["term"]) for e in bench.events if e.kind.value.startswith("term-")]
+    kinds = [(e.kind.name, dict(e.more)["term"]) for e in bench.events if e.kind.name.startswith("term-")]
     assert kinds == [("term-follows", "cross"), ("term-held", "cross"), ("term-fades", "cross")]
     found = terms(bench).status(x.compensation, bench.now_ns)
     assert found.cross == CrossStatus(state="faded", axes=["y"], correction=0.0)
@@ -185,7 +185,7 @@ def test_an_other_axis_that_is_lost_before_it_ever_counted_is_waited_for() -> No
     """As when a cable is pulled before the first target: y was read, and x was never told anything."""
     bench = Bench(x_plan(), y_plan())
     go_y(bench, 400_000)
-    assert [event.kind.value for event in terms(bench).events("x", bench.now_ns)] == ["term-follows"]
+    assert [event.kind.name for event in terms(bench).events("x", bench.now_ns)] == ["term-follows"]
     bench.line.link_down(bench.now_ns)
     assert terms(bench).events("x", bench.now_ns) == []
     bench.line.link_up(bench.now_ns)
