@@ -11,7 +11,7 @@ not allowed the first trigger is refused, and nothing moves.
 
 from collections.abc import Iterable, Sequence
 
-from gateway.catalogue import exchange_events
+from gateway.catalogue import exchange_events, refusals
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_word
 from gateway.exchange.axis.acknowledge import Outcome
@@ -21,11 +21,10 @@ from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.axis.registers import JOIN_NS
 from gateway.exchange.decode import AxisCommand
 from gateway.exchange.field_counts import counts_of
-from gateway.exchange.prepare import check_may_act, may_run_distances
+from gateway.exchange.prepare import check_may_act, may_run_distances, target_lost
 from gateway.exchange.prerequisites import read_for_staged, render_run, restage_for_run, staged_words
-from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.refusal import RefusedRequestError, refused
 from gateway.exchange.request import Request, written_part
-from gateway.modbus.pdu import ExceptionCode
 
 
 def join_groups(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
@@ -339,13 +338,8 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
     if number is None or words is None or is_torn:
         may_pass = axis.passes_unchanged or motion.passes_stored_moves
         if (axis.holds_unrun or is_torn) and not may_pass:
-            raise RefusedRequestError(
-                ExceptionCode.SERVER_DEVICE_FAILURE,
-                axis.plan.name,
-                "the first trigger of its group is refused, for this axis could not follow: its target was "
-                "lost or forgotten, write it again",
-                exchange_events.STORED_MOVE,
-            )
+            why = "its target was lost or forgotten, write it again"
+            raise refused(refusals.GROUP_CANNOT_FOLLOW, axis.plan.name, exchange_events.STORED_MOVE, why=why)
         return None
     if not axis.holds_unrun and axis.motion.state is not MotionState.STOPPED:
         return None  # it has run that
@@ -354,9 +348,7 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
     except RefusedRequestError as refusal:
         if not axis.holds_unrun:
             return None
-        reason = (
-            f"the first trigger of its group is refused, for this axis could not follow: {refusal.reason}"
-        )
+        reason = refusals.GROUP_CANNOT_FOLLOW.sentence(why=refusal.reason)
         raise RefusedRequestError(refusal.code, refusal.axis, reason, refusal.kind) from refusal
 
 
@@ -369,10 +361,7 @@ def _prepare_staged(
         mode, action = axis.plan.motion.mode(number), first
         lost_mode = axis.rules.lost_mode(number)
         if lost_mode is not None:
-            reason = (
-                "a trigger, but a target, its mode or a part of it was lost before: write all of it again"
-            )
-            raise RefusedRequestError(lost_mode, name, reason, exchange_events.AXIS_BLOCKED)
+            raise target_lost(lost_mode, name)
         if mode is None:
             action = action if may_run_distances(axis) else Action.ABSOLUTE
         elif mode.is_in_frame:

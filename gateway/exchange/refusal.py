@@ -1,7 +1,7 @@
 """What the gateway refuses by itself."""
 
 from gateway.catalogue import exchange_events
-from gateway.catalogue.entry import EventEntry
+from gateway.catalogue.entry import EventEntry, RefusalEntry
 
 
 class RefusedRequestError(Exception):
@@ -23,3 +23,10 @@ class RefusedRequestError(Exception):
         self.kind = kind
         self.is_too_early = is_too_early
         """It writes a part of a position whose other parts have to come again: the parts count together."""
+
+
+def refused(
+    entry: RefusalEntry, axis: str, kind: EventEntry = exchange_events.REFUSED_VALUE, **fields: object
+) -> RefusedRequestError:
+    """Return what to raise for a refusal of the catalogue; ``fields`` are what its sentence names."""
+    return RefusedRequestError(entry.code, axis, entry.sentence(**fields), kind)

@@ -13,6 +13,7 @@ from msgspec.structs import asdict
 
 import gateway
 from gateway.catalogue import process_events as processes
+from gateway.catalogue import starts
 from gateway.catalogue import table_events as tables
 from gateway.clock import boot_ns
 from gateway.compensation.table import CorrectionTable
@@ -443,9 +444,10 @@ class Relay:
         try:
             self._recorder.start()
         except FileExistsError:
-            return [f"{self._recorder.path} exists: record into a new file, or remove this one"]
+            return [f"{starts.RECORDING_EXISTS.begin(file=self._recorder.path)}, or remove this one"]
         except OSError as error:
-            return [f"{self._recorder.path} cannot be written: {error.strerror or error}"]
+            found = starts.RECORDING_NOT_WRITTEN.begin(file=self._recorder.path)
+            return [f"{found}: {error.strerror or error}"]
         self._recorder.on_lost = lambda why: self._journal.note(processes.RECORDING_ENDED, detail=why)
         return []
 

@@ -9,6 +9,7 @@ from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
+from gateway.catalogue import starts
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.line_events import CONNECTION_REFUSED
 from gateway.catalogue.tls_events import (
@@ -82,7 +83,7 @@ class SecureDoor:
         try:
             contexts.open()
         except TlsFileError as error:
-            raise RefusedError(f"tls.{error}") from None
+            raise RefusedError(starts.TLS_FILE.begin(problem=error)) from None
         self._endings.take(contexts.held)
         self._door = Door(contexts, self._receiver_for, self._tell_failure, self._too_many)
 
