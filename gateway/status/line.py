@@ -1,7 +1,7 @@
 """A line: its counters, its unit ids, its drives and its controllers."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from msgspec import UNSET, Struct, UnsetType, field
 
@@ -137,6 +137,29 @@ class Computed(Struct, kw_only=True):
     timeout_ms: float = 0.0
 
 
+class Rs485(Struct, frozen=True):
+    """How the kernel's driver switches the direction of an RS-485 line; delays in ms."""
+
+    enabled: bool
+    rts_on_send: bool
+    rts_after_send: bool
+    rx_during_tx: bool
+    delay_before_send_ms: int
+    delay_after_send_ms: int
+
+
+class LatencySettings(Struct, frozen=True):
+    """What makes bytes wait in the driver of a serial port; None where its driver has no such thing."""
+
+    ftdi_latency_timer_ms: int | None = None
+    """So long an FTDI adapter keeps bytes that do not fill a USB packet."""
+    async_low_latency: bool | None = None
+    """The low-latency flag of the port (``setserial low_latency``)."""
+    rx_trig_bytes: int | None = None
+    """So many bytes a 16550 collects before it interrupts; fewer wait for four characters of silence."""
+    rs485: Rs485 | None = None
+
+
 class DrivesStatus(Struct, frozen=True, kw_only=True):
     """The way to the drives."""
 
@@ -152,7 +175,7 @@ class DrivesStatus(Struct, frozen=True, kw_only=True):
         ),
     ] = 0
     notes: list[str] = []
-    latency: dict[str, Any] | None = None
+    latency: LatencySettings | None = None
 
 
 class PortMinute(Struct, frozen=True, kw_only=True):
@@ -219,7 +242,7 @@ class ControllerStatus(Struct, kw_only=True):
     asked_s: float | UnsetType | None = UNSET
     """None: it has never asked since the start. Older releases do not tell."""
     notes: list[str] | UnsetType = UNSET
-    latency: dict[str, Any] | UnsetType | None = UNSET
+    latency: LatencySettings | UnsetType | None = UNSET
     echo: str | UnsetType = UNSET
     refused_connections: Annotated[
         int | UnsetType,

@@ -17,12 +17,13 @@ from typing import Final
 import serial
 
 from gateway.catalogue import starts
+from gateway.status.line import LatencySettings
 from gateway.transport.adopting import KeptSerial
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import AbsentError, RefusedError, TransportError
 from gateway.transport.keeper import Keeper
-from gateway.transport.low_latency import LatencySettings, flag_note, set_rs485, tune
+from gateway.transport.low_latency import flag_note, set_rs485, tune
 from gateway.transport.permissions import no_device
 from gateway.transport.serial_channel import PTY_MAJORS, SerialChannel, is_pty
 
@@ -65,9 +66,9 @@ class SerialPort:
         """Called when the port was lost; not when it is closed."""
 
     @property
-    def latency(self) -> dict[str, object] | None:
+    def latency(self) -> LatencySettings:
         """What in its driver makes bytes wait, as it was read back when the port was last opened."""
-        return self._settings.status()
+        return self._settings
 
     @property
     def is_open(self) -> bool:

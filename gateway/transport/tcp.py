@@ -16,6 +16,7 @@ from typing import Final, cast
 
 from gateway.catalogue import starts
 from gateway.clock import boot_ns
+from gateway.status.line import LatencySettings
 from gateway.times import NS_PER_S
 from gateway.transport.channel import CLOSED, CLOSED_BY_PEER, Channel, Receiver
 from gateway.transport.direct import MORE_BYTES, RECEIVE_BYTES, DirectSocket, FarEnd
@@ -443,7 +444,7 @@ class TcpConnector:
 
     notes: tuple[str, ...] = ()
     """As of a serial port; a connection has none."""
-    latency: dict[str, object] | None = None
+    latency: LatencySettings | None = None
     """As of a serial port; a connection has no settings of this kind."""
 
     def __init__(

@@ -17,6 +17,7 @@ from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Ping, Pong, Status
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.collecting import BUSY_CHECK_S, CHECK_EVERY_S
+from gateway.status.line import LatencySettings
 from tests.ports import free_port
 from tests.status_models import plain
 
@@ -160,18 +161,12 @@ async def test_the_port_of_a_controller_shows_its_latency_settings(bench: "Bench
     link, _ = bench.controller_link("rtu")
     relay = await bench.relay(where, (link,))
     [controller] = relay.status().lines["line"].controllers
-    assert controller.latency == {
-        "ftdi_latency_timer_ms": None,
-        "async_low_latency": None,
-        "rx_trig_bytes": None,
-        "rs485": None,
-    }
+    assert controller.latency == LatencySettings()
 
 
 async def test_the_port_of_the_drives_shows_its_latency_settings(bench: "Bench") -> None:
-    settings = ("ftdi_latency_timer_ms", "async_low_latency", "rx_trig_bytes", "rs485")
     link, _ = bench.controller_link("tcp")
-    for kind, shown in (("rtu", dict.fromkeys(settings)), ("tcp", None)):
+    for kind, shown in (("rtu", LatencySettings()), ("tcp", None)):
         _, where = await bench.drive(kind)
         line = (await bench.relay(where, (link,))).status().lines["line"]
         assert line.drives.latency == shown
