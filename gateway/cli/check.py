@@ -63,10 +63,12 @@ def _say_bad(errors: "ConfigErrors", *, as_json: bool) -> None:
 
 
 def _say_good(loaded: "Loaded", *, as_json: bool) -> None:
+    from msgspec import to_builtins
+
     from gateway.config.summary import summary, summary_lines
 
     if as_json:
-        _say_json((), loaded.warnings, summary(loaded.plan, loaded.drives))
+        _say_json((), loaded.warnings, to_builtins(summary(loaded.plan, loaded.drives)))
         return
     for line in summary_lines(loaded.plan, loaded.drives):
         typer.echo(line)
