@@ -195,7 +195,7 @@ class SimulatedLine:
             [plan],
             LineTiming(response_timeout_ms=500.0, drain_ms=5.0),
             self.link,
-            lambda event: self.events.update((event.kind.value,)),
+            lambda event: self.events.update((event.kind.name,)),
             cut_through=Wire(char_ns[1], silences[1]) if way.cuts else None,
         )
         self.line.link_up(self.now_ns)

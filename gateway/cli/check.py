@@ -67,6 +67,8 @@ class _Checked:
 
     def as_data(self) -> dict[str, Any]:
         """Return it as plain data."""
+        from msgspec import to_builtins
+
         from gateway.config.summary import summary
 
         found: dict[str, Any] = {
@@ -75,7 +77,7 @@ class _Checked:
             "warnings": [warning.as_dict() for warning in self.warnings],
         }
         if self.loaded is not None:
-            found["summary"] = summary(self.loaded.plan, self.loaded.drives)
+            found["summary"] = to_builtins(summary(self.loaded.plan, self.loaded.drives))
         return found
 
     def lines(self) -> Iterator[str]:

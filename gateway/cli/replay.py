@@ -88,7 +88,7 @@ def _telling(
 
 def _show_event(line: str, event: "Event") -> None:
     axis = f" axis {event.axis}" if event.axis else ""
-    typer.echo(f"              {line:<8} * {event.kind.value}{axis} {event.detail}".rstrip())
+    typer.echo(f"              {line:<8} * {event.kind.name}{axis} {event.detail}".rstrip())
 
 
 def _words(file: Path, result: "ReplayResult") -> Iterator[str]:

@@ -45,12 +45,14 @@ def status(
         typer.echo(f"{config}: {error}", err=True)
         raise typer.Exit(1) from None
     if as_json:
-        print_json(seen)
+        from msgspec import to_builtins
+
+        print_json(to_builtins(seen))
     else:
         from rich.console import Console
 
         from gateway.cli.status_output import show_status
 
         show_status(Console(highlight=False, soft_wrap=False), seen)
-    if seen["gateway"]["relay"] != "up":
+    if seen.gateway.relay != "up":
         raise typer.Exit(1)

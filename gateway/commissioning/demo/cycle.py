@@ -5,7 +5,7 @@ What there is to see of it is in :class:`View`, written by its steps, read by th
 
 import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from enum import Enum
@@ -179,8 +179,7 @@ async def _all_lines_up(relay: Relay) -> None:
 
 
 def _lines_down(relay: Relay) -> list[str]:
-    lines = relay.status()["lines"].items()
-    return [name for name, line in lines if isinstance(line, Mapping) and line["state"] != "up"]
+    return [name for name, line in relay.status().lines.items() if line.state != "up"]
 
 
 def _axis_view(axis: RigAxis) -> AxisView:

@@ -13,7 +13,7 @@ THE AXIS MOVES in :meth:`Measuring.run`, and nowhere else.
 import asyncio
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -63,6 +63,7 @@ from gateway.metrology.gauges import GaugeError, pattern_of
 from gateway.metrology.lead import Period, lead_warnings, periods_of
 from gateway.metrology.readings import Reading
 from gateway.state.plan import shape_of
+from gateway.status.model import RelayModel
 from gateway.transport.endpoints import SerialEndpoint
 
 EVEN: Final = 1e-6
@@ -382,7 +383,7 @@ class Measuring:
         points = outcome.points_of(plan.targets, self._table_step, axis)
         outcome.check_writable(self._out_format, points, axis, section)
 
-    def _status(self) -> Mapping[str, Any]:
+    def _status(self) -> RelayModel:
         """Return the status of the gateway that runs the configuration. Raises AxisError: none does."""
         config, state = self._loaded.path, self._loaded.state_folder
         try:
