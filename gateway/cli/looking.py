@@ -1,16 +1,15 @@
 """The status of a gateway that runs, from whichever of its two processes can tell more; once, or for ever."""
 
-import json
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from gateway.cli.output import Format, print_json, print_words
 from gateway.ipc.client import NoRelayError, ask_relay
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, RenderableType
 
     from gateway.status.model import Model
 
@@ -71,6 +70,18 @@ def looks(config: Path, state: Path) -> Iterator["Model | str"]:
             yield str(error)
 
 
+def words_of(status: "Model | str") -> "Iterator[RenderableType]":
+    """Yield a look for a person."""
+    from rich.text import Text
+
+    from gateway.cli.status_output import status_parts
+
+    if isinstance(status, str):
+        yield Text(status, "red")
+    else:
+        yield from status_parts(status)
+
+
 def watch(seen: Iterator["Model | str"], *, as_json: bool) -> None:
     """Show each look until Ctrl-C: on a terminal in place, else one after the other as something changes."""
     from rich.console import Console
@@ -80,7 +91,7 @@ def watch(seen: Iterator["Model | str"], *, as_json: bool) -> None:
         if console.is_terminal and not as_json:
             _watch_in_place(console, seen)
         else:
-            _watch_line_by_line(console, seen, as_json=as_json)
+            _watch_line_by_line(seen, as_json=as_json)
     except KeyboardInterrupt:
         return
 
@@ -90,19 +101,12 @@ def _watch_in_place(console: "Console", seen: Iterator["Model | str"]) -> None:
     from rich.live import Live
     from rich.text import Text
 
-    from gateway.cli.status_output import status_parts
-
     with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
         for status in seen:
-            parts = [Text(status, "red")] if isinstance(status, str) else status_parts(status)
-            live.update(Group(*parts, "", Text(CTRL_C_ENDS, "dim")), refresh=True)
+            live.update(Group(*words_of(status), "", Text(CTRL_C_ENDS, "dim")), refresh=True)
 
 
-def _watch_line_by_line(console: "Console", seen: Iterator["Model | str"], *, as_json: bool) -> None:
-    from msgspec import to_builtins
-
-    from gateway.cli.status_output import show_status
-
+def _watch_line_by_line(seen: Iterator["Model | str"], *, as_json: bool) -> None:
     before: object = None
     for status in seen:
         now = status if isinstance(status, str) else _lasting(status)
@@ -110,16 +114,10 @@ def _watch_line_by_line(console: "Console", seen: Iterator["Model | str"], *, as
             continue
         before = now
         if as_json:
-            line = {"problem": status} if isinstance(status, str) else to_builtins(status)
-            sys.stdout.write(f"{json.dumps(line, ensure_ascii=False)}\n")
+            line = {"problem": status} if isinstance(status, str) else status.as_data()
+            print_json(line, Format.LINE)
         else:
-            console.print(f"-- {time.strftime('%H:%M:%S')}")
-            if isinstance(status, str):
-                console.print(status, markup=False)
-            else:
-                show_status(console, status)
-            console.print()
-        sys.stdout.flush()
+            print_words((f"-- {time.strftime('%H:%M:%S')}", *words_of(status), ""))
 
 
 def _lasting(status: "Model") -> "Model":

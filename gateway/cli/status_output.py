@@ -5,7 +5,7 @@ from datetime import datetime
 from typing import Final
 
 from msgspec import UNSET
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
@@ -40,12 +40,6 @@ COLOURS: Final = {
     "unreferenced": "yellow",
 }
 """Of the states of lines, controllers and axes; every other is shown as it is."""
-
-
-def show_status(console: Console, status: Model) -> None:
-    """Print a status model."""
-    for part in status_parts(status):
-        console.print(part)
 
 
 def status_parts(status: Model) -> Iterator[RenderableType]:

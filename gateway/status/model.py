@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Final
 
-from msgspec import UNSET, Struct, UnsetType, field
+from msgspec import UNSET, Struct, UnsetType, field, to_builtins
 
 from gateway.status.axis import AxisStatus, RivalsStatus, WholeAxis
 from gateway.status.counters import Counter, counters_of
@@ -163,6 +163,11 @@ class Model(Struct, kw_only=True):
     troubles: list[TroubleStatus] = []
     verdict: Verdict = Verdict()
     """Of an older release without a word."""
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        data: dict[str, Any] = to_builtins(self)
+        return data
 
 
 _PARTS: Final = (

@@ -7,7 +7,8 @@ from typing import Any
 
 from rich.console import Console
 
-from gateway.cli.status_output import show_status
+from gateway.cli.status_output import status_parts
+from gateway.status.model import Model
 from tests.status_models import model_of
 
 TOOK = {"p50": 101.26, "p99": 187.4, "p999": 493.6, "max": 495.1, "max_minute": 300.0}
@@ -66,6 +67,11 @@ MODEL: dict[str, Any] = {
     },
     "axes": {"x": X, "y": Y},
 }
+
+
+def show_status(console: Console, status: Model) -> None:
+    for part in status_parts(status):
+        console.print(part)
 
 
 def shown(model: dict[str, Any]) -> list[str]:
