@@ -24,7 +24,7 @@ from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu_arrival import BLOCK_HEAD, RequestArrival
 from gateway.modbus.rtu_line import pause_ns, silence_ns
 from gateway.simulator.ears import MERGED_NS, Ear, Hearing
-from gateway.simulator.pacing import PacedWire
+from gateway.simulator.wire import PacedWire
 from gateway.times import NS_PER_S
 
 SHAPE: Final = write_shape(2, 0, 2)

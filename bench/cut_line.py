@@ -28,7 +28,7 @@ from gateway.modbus.registers import PositionField, RegisterType
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
 from gateway.modbus.rtu_line import silence_ns
 from gateway.simulator.ears import Ear, Hearing, ends_ns
-from gateway.simulator.pacing import AT_ONCE, Adapter, PacedWire
+from gateway.simulator.wire import AT_ONCE, Adapter, PacedWire
 from gateway.times import NS_PER_MS, NS_PER_S
 
 BITS: Final = 11
@@ -195,7 +195,7 @@ class SimulatedLine:
             [plan],
             LineTiming(response_timeout_ms=500.0, drain_ms=5.0),
             self.link,
-            lambda event: self.events.update((event.kind.value,)),
+            lambda event: self.events.update((event.kind.name,)),
             cut_through=Wire(char_ns[1], silences[1]) if way.cuts else None,
         )
         self.line.link_up(self.now_ns)

@@ -1,4 +1,4 @@
-"""Reading a file that a person named: a regular file of a sensible size, and nothing else.
+"""Files that a person named: reading a regular file of a sensible size, and nothing else; making a new one.
 
 A FIFO would wait for ever for somebody to write into it, a device such as ``/dev/zero`` would fill the
 memory, and opening a serial port may switch a machine. So a name is looked at before it is opened, and what
@@ -79,6 +79,20 @@ def kind_of(mode: int) -> str:
     'a FIFO'
     """
     return next((words for is_kind, words in _KINDS if is_kind(mode)), "no regular file")
+
+
+def create(path: Path, mode: int = 0o600) -> int:
+    """Make a file that is not there yet, and return its descriptor, open for writing.
+
+    Raises:
+        OSError: it exists, or cannot be made.
+    """
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+
+
+def mark_of(status: os.stat_result) -> tuple[int, ...]:
+    """Return by what new content of a file is noticed, without a look into it."""
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 
 def _refuse_irregular(status: os.stat_result, what: str) -> None:

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from gateway.catalogue.counters import COUNTERS
 from gateway.catalogue.entry import NOTHING_TO_DO, entries_of
 from gateway.catalogue.events import GROUPS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES
@@ -21,6 +20,7 @@ from gateway.catalogue.troubles import HIDES, TROUBLES
 from gateway.config.reference import TABLES, rows
 from gateway.drives.described import markdown_lines
 from gateway.relay.status_unit import BLOCKS
+from gateway.status.model import COUNTERS
 from tools import state_machine, time_lines
 from tools.diagram import LayoutError
 from tools.markers import filled, table
@@ -103,10 +103,7 @@ def states() -> str:
 
 def counters() -> str:
     """Return everything that is counted."""
-    lines = [
-        (f"`{each.name}`", each.words, each.meaning, "" if each.remedy == NOTHING_TO_DO else each.remedy)
-        for each in COUNTERS.values()
-    ]
+    lines = [(f"`{name}`", each.words, each.meaning, each.remedy) for name, each in COUNTERS.items()]
     return table(("counter", "shown as", "counts", "what to do where it grows"), lines)
 
 

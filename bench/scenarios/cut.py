@@ -11,7 +11,7 @@ from bench.cut_line import run as run_way
 from bench.figures import Interval
 from bench.results import Goal, Section, Table
 from bench.scenarios import cut_ptys
-from gateway.simulator.pacing import Adapter
+from gateway.simulator.wire import Adapter
 
 TITLE: Final = "Cut-through between two serial wires"
 MILLISECOND: Final = Adapter(latency_timer_ms=1.0)

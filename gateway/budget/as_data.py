@@ -3,7 +3,7 @@
 from typing import Any
 
 from gateway.budget.line import ControllerBudget, CutBudget, ExchangeBudget, LineBudget
-from gateway.budget.verdict import Judgement, Remedy
+from gateway.budget.verdict import Remedy
 from gateway.budget.wire import Wire
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -105,16 +105,6 @@ def _cut_data(cut: CutBudget) -> dict[str, Any]:
         "reply_saves_ms": _ms(reply.saves_ns),
         "total_ms": _ms(cut.legs.total_ns),
         "waited_ms": _ms(cut.legs.waited_ns),
-    }
-
-
-def judgement_data(judgement: Judgement) -> dict[str, Any]:
-    """Return one thing that the arithmetic says; the key as a list, elements counted from 0."""
-    return {
-        "grade": judgement.grade.value,
-        "key": list(judgement.key),
-        "found": judgement.found,
-        "remedy": judgement.remedy,
     }
 
 

@@ -1,5 +1,6 @@
 """What an entry of the catalogue is made of."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -33,6 +34,10 @@ class EventEntry:
     """What else it may be: whoever tells of it knows."""
 
 
+def _with_gaps(text: str) -> str:
+    return re.sub(r"\{[^}]*\}", "…", text)
+
+
 def entries_of(module: ModuleType) -> Iterator[EventEntry]:
     """Yield the events that a module of the catalogue defines, in the order of the file."""
     values: Mapping[str, object] = vars(module)
@@ -63,10 +68,21 @@ class RefusalEntry:
     """Why the gateway itself answers a request with an exception."""
 
     code: int
-    says: str
-    """How the detail of its event begins, … for what differs; empty where no event has one."""
+    begins: str
+    """How the detail of its event begins, with the names of what is filled in; empty: no event has one."""
+    ends: str
+    """How it goes on."""
     cause: str
     remedy: str
+
+    @property
+    def says(self) -> str:
+        """How the detail begins, … for what is filled in."""
+        return _with_gaps(self.begins)
+
+    def sentence(self, **fields: object) -> str:
+        """Return the whole detail."""
+        return (self.begins + self.ends).format(**fields)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,27 +100,23 @@ class ExceptionEntry:
 
 
 @dataclass(frozen=True, slots=True)
-class CounterEntry:
-    """A number that only grows."""
-
-    name: str
-    """Its key in the status."""
-    words: str
-    """What stands beside it in the terminal and on the page."""
-    meaning: str
-    """What it counts, as the end of a sentence."""
-    remedy: str = NOTHING_TO_DO
-
-
-@dataclass(frozen=True, slots=True)
 class StartEntry:
     """Why a process does not start."""
 
-    says: str
-    """How the sentence on standard error begins after the key or the file, … for what differs."""
+    begins: str
+    """How the sentence on standard error begins, with the names of what is filled in."""
     cause: str
     remedy: str
     meaning: str = "the gateway does not start"
+
+    @property
+    def says(self) -> str:
+        """How the sentence begins, … for what is filled in."""
+        return _with_gaps(self.begins)
+
+    def begin(self, **fields: object) -> str:
+        """Return how the sentence begins."""
+        return self.begins.format(**fields)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,4 @@
-"""Traffic: what happens between controllers, axes and drives.
-
-``exchange.events.EventKind`` has the names of these; the exchange tells of them with a detail.
-"""
+"""Traffic: what happens between controllers, axes and drives. The exchange tells of it with a detail."""
 
 from typing import Final
 

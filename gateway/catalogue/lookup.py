@@ -6,8 +6,7 @@ from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from typing import Final
 
-from gateway.catalogue.counters import COUNTERS, counter
-from gateway.catalogue.entry import CounterEntry, EventEntry, ExceptionEntry, RefusalEntry
+from gateway.catalogue.entry import NOTHING_TO_DO, EventEntry, ExceptionEntry, RefusalEntry
 from gateway.catalogue.events import EVENTS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES, code_in
 from gateway.catalogue.refusals import REFUSALS
@@ -15,9 +14,23 @@ from gateway.catalogue.remarks import REMARKS
 from gateway.catalogue.starts import STARTS
 from gateway.catalogue.states import STATES
 from gateway.catalogue.troubles import TROUBLES
+from gateway.status.line import LINE_COUNTERS
+from gateway.status.model import COUNTERS
 
 FEWEST_LETTERS: Final = 8
 """Of a piece of a sentence: with fewer it would be found in many."""
+OF_METRIC: Final[Mapping[str, str]] = {
+    "controller_frames": "whole",
+    "controller_damaged_frames": "damaged",
+    "drive_damaged": "damaged",
+    "drive_timeouts_in_a_row": "timeouts_in_a_row",
+    "axis_budget_overruns": "budget_overruns",
+    **{f"line_frames_{name}": name for name in ("cut_through", "stored", "spoilt", "torn")},
+    **{f"line_{name}": name for name in LINE_COUNTERS},
+}
+"""The key of a counter by its name in the metrics, without ``pitch_gateway_`` and ``_total``."""
+ON_PAGE: Final[Mapping[str, str]] = {"exchanges/s": "exchanges", "over": "budget_overruns"}
+"""The key of a counter by what stands beside it on the page, where that is neither its words nor its key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +63,26 @@ def look_up(asked: str) -> list[Explanation]:
     """
     text = asked.strip()
     found = [entry for entry in _named() if entry.name.lower() == text.lower()]
-    if (counted := counter(text)) is not None:
-        found.append(_counter(counted))
+    if (name := counter(text)) is not None:
+        found.append(_counter(name))
     if (code := code_in(text)) is not None:
         found += [_exception(entry) for entry in EXCEPTIONS if entry.code == code]
         found += [_refusal(entry) for entry in REFUSALS if entry.code == code]
     return found or [entry for entry in _sentences() if _fits(text, entry.name)]
+
+
+def counter(asked: str) -> str | None:
+    """Return the key of the counter that is called so: its key, its words or its metric; None: none is.
+
+    >>> [counter(asked) for asked in ("Time-outs", "pitch_gateway_line_timeouts_total", "timeouts")]
+    ['timeouts', 'timeouts', 'timeouts']
+    """
+    text = asked.strip().lower()
+    metric = text.removeprefix("pitch_gateway_").removesuffix("_total")
+    name = OF_METRIC.get(metric) or ON_PAGE.get(text) or text
+    if name in COUNTERS:
+        return name
+    return next((key for key, each in COUNTERS.items() if each.words.lower() == text), None)
 
 
 def names() -> list[str]:
@@ -73,7 +100,7 @@ def everything() -> dict[str, list[Explanation]]:
     parts: dict[str, list[Explanation]] = {}
     for entry in (
         *_named(),
-        *map(_counter, COUNTERS.values()),
+        *map(_counter, COUNTERS),
         *map(_exception, EXCEPTIONS),
         *map(_refusal, REFUSALS),
         *(entry for entry in _sentences() if entry.kind == "start"),
@@ -124,8 +151,9 @@ def _named() -> Iterator[Explanation]:
         yield _made("remark", remark.code, remark.severity, remark.meaning, "", remark.remedy)
 
 
-def _counter(entry: CounterEntry) -> Explanation:
-    return _made("counter", entry.name, "", f"{entry.words}: {entry.meaning}", "", entry.remedy)
+def _counter(name: str) -> Explanation:
+    entry = COUNTERS[name]
+    return _made("counter", name, "", f"{entry.words}: {entry.meaning}", "", entry.remedy or NOTHING_TO_DO)
 
 
 def _exception(entry: ExceptionEntry) -> Explanation:

@@ -24,4 +24,5 @@ TableFile = Annotated[
         readable=False,
     ),
 ]
+Line = Annotated[str | None, typer.Option("--line", help="Only this line of the gateway.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]

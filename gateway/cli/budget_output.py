@@ -1,14 +1,17 @@
 """What ``pitch-gateway budget`` shows on a terminal. Times in milliseconds; 80 columns are enough."""
 
+from collections.abc import Iterator, Sequence
 from typing import Final
 
-from rich.console import Console
+from rich.console import RenderableType
 from rich.table import Table
+from rich.text import Text
 
-from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget, line_budget
-from gateway.budget.sequence import Blocks
-from gateway.budget.verdict import ms, remedies
+from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget
+from gateway.budget.verdict import Remedy, ms
 from gateway.budget.wire import Wire
+from gateway.cli.output import Aside
+from gateway.commissioning.budget import Budget, LineFigures
 from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
@@ -18,22 +21,29 @@ CLOSE: Final = 0.5
 """Share of a time-out from which a figure is shown in another colour."""
 
 
-def show_line(console: Console, plan: LinePlan, blocks: Blocks) -> None:
-    """Print the budget of one line."""
-    line = line_budget(plan, blocks)
-    console.print(f"[bold]line {plan.name}[/]: times in ms")
-    console.print(f"  drives: {_place(plan.drives)}{_wire_text(line.drives)}")
-    console.print(f"  silence before each request to them: {ms(line.gap_ns)}{_whose(line)}")
+def lines(budget: Budget) -> Iterator[RenderableType]:
+    """Yield the budget of every line for a person, and what cannot be met."""
+    for line in budget.lines:
+        yield from _line(line)
+    yield from (Aside(problem) for problem in budget.problems)
+    yield from (Aside(f"warning: {warning}") for warning in budget.warnings)
+
+
+def _line(figures: LineFigures) -> Iterator[RenderableType]:
+    plan, line = figures.plan, figures.budget
+    yield _words(f"[bold]line {plan.name}[/]: times in ms")
+    yield _words(f"  drives: {_place(plan.drives)}{_wire_text(line.drives)}")
+    yield _words(f"  silence before each request to them: {ms(line.gap_ns)}{_whose(line)}")
     unknown = [axis.name for axis in plan.axes if axis.name not in line.response_ns]
     known = [f"{ms(response_ns)} ({axis})" for axis, response_ns in line.response_ns.items()]
     known += [f"not known, 0 assumed ({', '.join(unknown)})"] if unknown else []
     if known:
-        console.print(f"  time that a drive takes itself: {', '.join(known)}")
+        yield _words(f"  time that a drive takes itself: {', '.join(known)}")
     if line.broadcast_ns:
-        console.print(f"  a broadcast keeps the line for {ms(line.broadcast_ns)} (turnaround_ms)")
+        yield _words(f"  a broadcast keeps the line for {ms(line.broadcast_ns)} (turnaround_ms)")
     for controller in line.controllers:
-        _show_controller(console, plan, line, controller, blocks)
-    _show_added(console, line)
+        yield from _controller(figures, controller)
+    yield from _added(line)
 
 
 def _place(endpoint: TcpEndpoint | SerialEndpoint) -> str:
@@ -56,34 +66,30 @@ def _whose(line: LineBudget) -> str:
     return " (gap_ms)" if line.drive_gap_ns > line.drives.silence_ns else " (the standard's)"
 
 
-def _show_controller(
-    console: Console, plan: LinePlan, line: LineBudget, controller: ControllerBudget, blocks: Blocks
-) -> None:
-    link = plan.controllers[controller.index]
-    console.print()
-    console.print(
+def _controller(figures: LineFigures, controller: ControllerBudget) -> Iterator[RenderableType]:
+    line, link = figures.budget, figures.plan.controllers[controller.index]
+    yield ""
+    yield _words(
         f"[bold]controller {controller.name}[/] ({controller.role.value}): {_place(link.endpoint)}"
         f"{_wire_text(controller.wire)}, time-out {controller.timeout_ns / NS_PER_MS:g}"
     )
     if not controller.exchanges:
-        console.print(
-            "  no axis on this line: nothing is known of its frames; --registers N reckons with one"
-        )
+        yield _words("  no axis on this line: nothing is known of its frames; --registers N reckons with one")
         return
-    console.print(_exchange_table(controller))
+    yield _exchange_table(controller)
     cycle = controller.round
     often = f", that is {_rate(cycle.total_ns)}" if cycle.total_ns else ""
-    console.print(
+    yield _words(
         f"  a round of these {len(controller.exchanges)}: {ms(cycle.total_ns)}{often}; "
         f"without the gateway {ms(cycle.direct_ns)}"
     )
     if cycle.added_ns:
-        console.print(f"  frames of the gateway's own can add {ms(cycle.added_ns)} to a round, see below")
+        yield _words(f"  frames of the gateway's own can add {ms(cycle.added_ns)} to a round, see below")
     others_ns = line.longest_other_ns(controller.index)
     if others_ns:
-        console.print(f"  an exchange of another controller can come first: up to {ms(others_ns)} more")
-    _show_cut(console, plan, controller)
-    _show_remedies(console, plan, controller, blocks)
+        yield _words(f"  an exchange of another controller can come first: up to {ms(others_ns)} more")
+    yield from _cut(figures.plan, controller)
+    yield from _remedies(figures.remedies[controller.name])
 
 
 def _exchange_table(controller: ControllerBudget) -> Table:
@@ -102,6 +108,10 @@ def _exchange_table(controller: ControllerBudget) -> Table:
 
 def _table() -> Table:
     return Table(box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, header_style="bold")
+
+
+def _words(markup: str) -> Text:
+    return Text.from_markup(markup)
 
 
 def _row(exchange: ExchangeBudget, timeout_ns: int, *, has_gap: bool) -> list[str]:
@@ -124,14 +134,14 @@ def _row(exchange: ExchangeBudget, timeout_ns: int, *, has_gap: bool) -> list[st
     ]
 
 
-def _show_cut(console: Console, plan: LinePlan, controller: ControllerBudget) -> None:
+def _cut(plan: LinePlan, controller: ControllerBudget) -> Iterator[RenderableType]:
     """Say what cut-through gains, between two serial ports."""
     if not (isinstance(plan.drives, SerialEndpoint) and controller.wire.is_serial):
         return
     whose = "cut_through = true" if plan.cut_through else "with cut_through = true"
     found = [(each.step, each.cut) for each in controller.exchanges if each.cut and each.cut.saves_ns]
     if not found:
-        console.print(f"  {whose} no frame would be through a character sooner")
+        yield _words(f"  {whose} no frame would be through a character sooner")
         return
     table = _table()
     table.add_column(f"  {whose}", overflow="fold")
@@ -141,11 +151,10 @@ def _show_cut(console: Console, plan: LinePlan, controller: ControllerBudget) ->
         sooner = [ms(delay.saves_ns) if delay.saves_ns else "stored" for delay in cut.delays]
         table.add_row(f"  {step.axis} {step.what.value}", *sooner, ms(cut.legs.total_ns))
     table.add_row("  a round", "", "", ms(controller.round.cut_ns))
-    console.print(table)
+    yield table
 
 
-def _show_remedies(console: Console, plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> None:
-    found = remedies(plan, controller.index, blocks)
+def _remedies(found: Sequence[Remedy]) -> Iterator[RenderableType]:
     if not found:
         return
     table = _table()
@@ -158,14 +167,14 @@ def _show_remedies(console: Console, plan: LinePlan, controller: ControllerBudge
             f"{ms(each.waited_before_ns)} → {ms(each.waited_ns)}",
             f"{ms(each.round_before_ns)} → {ms(each.round_ns)}",
         )
-    console.print(table)
+    yield table
 
 
-def _show_added(console: Console, line: LineBudget) -> None:
+def _added(line: LineBudget) -> Iterator[RenderableType]:
     if not line.added:
         return
-    console.print()
-    console.print("[bold]frames of the gateway's own[/], only when they are needed")
+    yield ""
+    yield _words("[bold]frames of the gateway's own[/], only when they are needed")
     table = _table()
     for name in ("  axis", "what", "before"):
         table.add_column(name, overflow="fold")
@@ -173,7 +182,7 @@ def _show_added(console: Console, line: LineBudget) -> None:
     for each in line.added:
         added = each.added
         table.add_row(f"  {added.axis}", added.why.value, added.before.value, ms(each.hold_ns))
-    console.print(table)
+    yield table
 
 
 def _rate(round_ns: int) -> str:

@@ -1,6 +1,5 @@
 """``pitch-gateway capture CONFIG``."""
 
-import json
 import os
 import sys
 import time
@@ -11,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO, Final
 
 import typer
 
-from gateway.cli.arguments import Config
+from gateway.cli.arguments import Config, Line
 from gateway.cli.configuration import load_or_exit
 from gateway.cli.output import Format, print_json, print_lines
+from gateway.files import create
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -44,7 +44,7 @@ def capture(
     follow: Annotated[
         bool, typer.Option("--follow", "-f", help="Go on with what comes, until Ctrl-C.")
     ] = False,
-    line: Annotated[str | None, typer.Option("--line", help="Only this line of the gateway.")] = None,
+    line: Line = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print frames, or what was written, as JSON lines.")
     ] = False,
@@ -143,7 +143,7 @@ def _print(found: "Iterable[Frame]", console: "Console", *, as_json: bool) -> No
 
     for frame in found:
         if as_json:
-            sys.stdout.write(json.dumps(frame.as_data(), ensure_ascii=False) + "\n")
+            print_json(frame.as_data(), Format.LINE)
         else:
             colour = TROUBLE if frame.is_trouble else COLOURS.get(frame.kind, "yellow")
             console.print(Text(frame.words, colour))
@@ -161,7 +161,7 @@ def _opened(pcapng: str | None) -> "Iterator[BinaryIO | None]":
         yield sys.stdout.buffer
         return
     try:
-        descriptor = os.open(pcapng, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        descriptor = create(Path(pcapng))
     except FileExistsError:
         raise NothingTakenError(f"{pcapng}: exists already; write into a new file, or remove it") from None
     except OSError as error:

@@ -1,8 +1,10 @@
 """``pitch-gateway certificate``: an authority of one's own for Modbus/TCP Security."""
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Final, NoReturn
+from typing import Annotated, Final
 
 import typer
 
@@ -52,15 +54,13 @@ def ca(
 
       pitch-gateway certificate ca machine-ca --name "Hall 2"
     """
-    from gateway.commissioning.certificates import FolderError, found_authority, make_authority
+    from gateway.commissioning.certificates import found_authority, make_authority
     from gateway.transport.certificates import now_utc
 
     _check_text(name, "--name")
     now = now_utc()
-    try:
+    with _problems():
         _say_written(*found_authority(folder, lambda: make_authority(name, now), now))
-    except FolderError as error:
-        _fail(str(error))
 
 
 @app.command()
@@ -80,7 +80,7 @@ def server(
 
       pitch-gateway certificate server machine-ca --host 192.168.0.6 --name mill-2
     """
-    from gateway.commissioning.certificates import FolderError, make_server, read_authority, write_signed
+    from gateway.commissioning.certificates import make_server, read_authority, write_signed
     from gateway.transport.certificates import now_utc
 
     _check_name(name)
@@ -88,11 +88,9 @@ def server(
         if not HOST.fullmatch(host):
             raise typer.BadParameter(f"{host!r} is neither a host name nor an address", param_hint="--host")
     now = now_utc()
-    try:
+    with _problems():
         signed = make_server(read_authority(folder, now), name, hosts, now)
         _say_written(*write_signed(folder, name, signed))
-    except FolderError as error:
-        _fail(str(error))
 
 
 @app.command()
@@ -111,17 +109,15 @@ def controller(
 
       pitch-gateway certificate controller machine-ca panel --role Viewer
     """
-    from gateway.commissioning.certificates import FolderError, make_controller, read_authority, write_signed
+    from gateway.commissioning.certificates import make_controller, read_authority, write_signed
     from gateway.transport.certificates import LONGEST_ROLE, now_utc
 
     _check_name(name)
     _check_text(role, "--role", LONGEST_ROLE)
     now = now_utc()
-    try:
+    with _problems():
         signed = make_controller(read_authority(folder, now), name, role, now)
         _say_written(*write_signed(folder, name, signed))
-    except FolderError as error:
-        _fail(str(error))
 
 
 @app.command()
@@ -138,15 +134,12 @@ def revoke(
     Examples:
       pitch-gateway certificate revoke machine-ca cnc
     """
-    from gateway.commissioning.certificates import FolderError
     from gateway.commissioning.certificates import revoke as revoke_in
     from gateway.transport.certificates import now_utc
 
     _check_name(name)
-    try:
+    with _problems():
         _say_written(revoke_in(folder, name, now_utc()))
-    except FolderError as error:
-        _fail(str(error))
 
 
 @app.command()
@@ -169,7 +162,8 @@ def show(
     try:
         found = read_file(file, now_utc())
     except FileRefusedError as error:
-        _fail(f"{file}: {error}")
+        typer.echo(f"{file}: {error}", err=True)
+        raise typer.Exit(1) from None
     output.show(found, output.Format.INDENTED if as_json else output.Format.TEXT)
 
 
@@ -189,6 +183,13 @@ def _say_written(*files: Path) -> None:
         typer.echo(file)
 
 
-def _fail(problem: str) -> NoReturn:
-    typer.echo(problem, err=True)
-    raise typer.Exit(1)
+@contextmanager
+def _problems() -> Iterator[None]:
+    """Say what cannot be done in the folder, and end with exit code 1."""
+    from gateway.commissioning.certificates import FolderError
+
+    try:
+        yield
+    except FolderError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(1) from None

@@ -1,17 +1,19 @@
 """``pitch-gateway check CONFIG``."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import compile_or_exit
-from gateway.cli.output import print_json
+from gateway.cli.output import Aside, Format, show
 
 if TYPE_CHECKING:
     from gateway.config.load import Loaded
-    from gateway.config.problems import ConfigErrors, Problem
+    from gateway.config.problems import Problem
 
 
 def check(
@@ -42,47 +44,49 @@ def check(
     from gateway.ipc.notes import take_standard_error
 
     take_standard_error()  # the unit of the relay checks first
+    form = Format.INDENTED if as_json else Format.TEXT
     try:
         loaded = load(config)
     except ConfigErrors as errors:
-        _say_bad(errors, as_json=as_json)
+        show(_Checked(config, errors.problems, errors.warnings), form)
         raise typer.Exit(1) from None
     if compiles:
         compile_or_exit(loaded)
-    _say_good(loaded, as_json=as_json)
+    show(_Checked(loaded.path, (), loaded.warnings, loaded), form)
 
 
-def _say_bad(errors: "ConfigErrors", *, as_json: bool) -> None:
-    if as_json:
-        _say_json(errors.problems, errors.warnings)
-        return
-    for problem in errors.problems:
-        typer.echo(problem, err=True)
-    for warning in errors.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+@dataclass(frozen=True, slots=True)
+class _Checked:
+    """What is wrong with a configuration, and what a good one amounts to."""
 
+    path: Path
+    problems: "Sequence[Problem]"
+    warnings: "Sequence[Problem]"
+    loaded: "Loaded | None" = None
+    """None: it cannot be run."""
 
-def _say_good(loaded: "Loaded", *, as_json: bool) -> None:
-    from gateway.config.summary import summary, summary_lines
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        from msgspec import to_builtins
 
-    if as_json:
-        _say_json((), loaded.warnings, summary(loaded.plan, loaded.drives))
-        return
-    for line in summary_lines(loaded.plan, loaded.drives):
-        typer.echo(line)
-    for warning in loaded.warnings:
-        typer.echo(f"warning: {warning}", err=True)
-    typer.echo(f"{loaded.path}: good")
+        from gateway.config.summary import summary
 
+        found: dict[str, Any] = {
+            "ok": not self.problems,
+            "problems": [problem.as_dict() for problem in self.problems],
+            "warnings": [warning.as_dict() for warning in self.warnings],
+        }
+        if self.loaded is not None:
+            found["summary"] = to_builtins(summary(self.loaded.plan, self.loaded.drives))
+        return found
 
-def _say_json(
-    problems: Sequence["Problem"], warnings: Sequence["Problem"], amounts_to: dict[str, Any] | None = None
-) -> None:
-    result: dict[str, Any] = {
-        "ok": not problems,
-        "problems": [problem.as_dict() for problem in problems],
-        "warnings": [warning.as_dict() for warning in warnings],
-    }
-    if amounts_to is not None:
-        result["summary"] = amounts_to
-    print_json(result)
+    def lines(self) -> Iterator[str]:
+        """Yield it in words."""
+        from gateway.config.summary import summary_lines
+
+        yield from (Aside(problem) for problem in self.problems)
+        if self.loaded is not None:
+            yield from summary_lines(self.loaded.plan, self.loaded.drives)
+        yield from (Aside(f"warning: {warning}") for warning in self.warnings)
+        if self.loaded is not None:
+            yield f"{self.path}: good"

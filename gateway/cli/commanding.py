@@ -1,13 +1,14 @@
 """Sending a command to the gateway of a configuration, and saying what came of it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gateway.cli.configuration import state_folder_or_exit
-from gateway.cli.output import Format, print_json
+from gateway.cli.output import Format, show
 
 if TYPE_CHECKING:
     from gateway.ipc.messages import Reply, Request
@@ -31,7 +32,7 @@ def ask_or_exit(config: Path, request: "Request", *, as_json: bool = False) -> "
     except NoRelayError as error:
         problem = str(error)
     if as_json:
-        print_json(_result([], [problem]), Format.JSON)
+        show(_Commanded([], [problem]), Format.JSON)
     typer.echo(f"{config}: {problem}", err=True)
     raise typer.Exit(1)
 
@@ -42,22 +43,31 @@ def command(config: Path, request: "Request", done: str, nothing: str, *, as_jso
 
     reply = ask_or_exit(config, request, as_json=as_json)
     assert isinstance(reply, Done), "a command is answered by what it did"
-    if as_json:
-        print_json(_result(reply.changed, reply.problems), Format.JSON)
-    else:
-        _say(reply.changed, done)
-        if not reply.changed and not reply.problems:
-            typer.echo(nothing)
+    found = _Commanded(reply.changed, reply.problems, done, nothing)
+    show(found, Format.JSON if as_json else Format.TEXT)
     for problem in reply.problems:
         typer.echo(f"{config}: {problem}", err=True)
     if reply.problems:
         raise typer.Exit(1)
 
 
-def _result(changed: Iterable[str], problems: Iterable[str]) -> dict[str, list[str]]:
-    return {"changed": list(changed), "problems": list(problems)}
+@dataclass(frozen=True, slots=True)
+class _Commanded:
+    """What came of a command."""
 
+    changed: Sequence[str]
+    problems: Sequence[str]
+    done: str = ""
+    """What holds of an axis that changed."""
+    nothing: str = ""
+    """What is said where none did, and nothing is wrong."""
 
-def _say(axes: Iterable[str], done: str) -> None:
-    for axis in axes:
-        typer.echo(f"{axis}: {done}")
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {"changed": list(self.changed), "problems": list(self.problems)}
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words, without the problems."""
+        yield from (f"{axis}: {self.done}" for axis in self.changed)
+        if not self.changed and not self.problems:
+            yield self.nothing

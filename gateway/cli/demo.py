@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 
 import typer
 
+from gateway.cli.options import takes_options
 from gateway.cli.output import STOPPED_BY_SIGNAL, Format, show
 
 if TYPE_CHECKING:
@@ -38,17 +39,19 @@ class _StoppedError(Exception):
         self.exit_code = STOPPED_BY_SIGNAL + number
 
 
-def demo(
-    *,
-    once: Annotated[bool, typer.Option("--once", help="One round, then end.")] = False,
+@dataclass(frozen=True, slots=True)
+class DemoOptions:
+    """What is shown, and what stays of it."""
+
+    once: Annotated[bool, typer.Option("--once", help="One round, then end.")] = False
     json_output: Annotated[
         bool, typer.Option("--json", help="One round; the result as JSON on stdout, progress on stderr.")
-    ] = False,
-    seed: Annotated[int, typer.Option("--seed", help="The same seed makes the same machine.")] = 1,
+    ] = False
+    seed: Annotated[int, typer.Option("--seed", help="The same seed makes the same machine.")] = 1
     keep: Annotated[
         Path | None,
         typer.Option("--keep", help="Keep gateway.toml and the tables in this folder.", metavar="DIR"),
-    ] = None,
+    ] = None
     report: Annotated[
         Path | None,
         typer.Option(
@@ -56,9 +59,12 @@ def demo(
             help="One round, with the laser before and after; write its report: .html, .png or .svg.",
             metavar="OUT",
         ),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the report.")] = False,
-) -> None:
+    ] = None
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the report.")] = False
+
+
+@takes_options
+def demo(*, options: DemoOptions) -> None:
     """Show a worn machine become accurate: simulated controllers, drives and laser, the real gateway between.
 
     Three axes with worn screws and backlash. The laser measures them, a .tab file is made of its readings,
@@ -77,23 +83,12 @@ def demo(
     """
     from rich.console import Console
 
-    live = not once and not json_output and report is None and Console().is_terminal
-    if not _perform(_Wanted(seed, keep, json_output, report, force), live=live):
+    is_once = options.once or options.json_output or options.report is not None
+    if not _perform(options, live=not is_once and Console().is_terminal):
         raise typer.Exit(1)
 
 
-@dataclass(frozen=True, slots=True)
-class _Wanted:
-    """What was asked for."""
-
-    seed: int
-    keep: Path | None
-    json: bool
-    report: Path | None
-    force: bool
-
-
-def _perform(wanted: _Wanted, *, live: bool) -> bool:
+def _perform(options: DemoOptions, *, live: bool) -> bool:
     """Play it in a folder of its own; returns whether the result is good. What ends it early is said."""
     from rich.console import Console
 
@@ -103,14 +98,14 @@ def _perform(wanted: _Wanted, *, live: bool) -> bool:
     from gateway.simulator.errors import SimulatorError
 
     try:
-        if wanted.report is not None:
-            check_place(wanted.report, force=wanted.force)
+        if options.report is not None:
+            check_place(options.report, force=options.force)
         with ExitStack() as exits:
-            folder = wanted.keep or Path(
+            folder = options.keep or Path(
                 exits.enter_context(tempfile.TemporaryDirectory(prefix="pitch-gateway-demo-"))
             )
             folder.mkdir(parents=True, exist_ok=True)
-            return asyncio.run(_live(Console(), folder, wanted.seed) if live else _once(folder, wanted))
+            return asyncio.run(_live(Console(), folder, options.seed) if live else _once(folder, options))
     except _StoppedError as stopped:
         typer.echo(f"demo: {stopped}", err=True)
         raise typer.Exit(stopped.exit_code) from None
@@ -119,28 +114,24 @@ def _perform(wanted: _Wanted, *, live: bool) -> bool:
         raise typer.Exit(1) from None
 
 
-async def _once(folder: Path, wanted: _Wanted) -> bool:
+async def _once(folder: Path, options: DemoOptions) -> bool:
     """One round with a line for each step, and its result."""
     from rich.console import Console
+    from rich.text import Text
 
     from gateway.cli.demo_screen import Narrator, summary
     from gateway.commissioning.demo.cycle import run_round
     from gateway.commissioning.demo.result import REPORT_RUNS, Demonstrated
 
     started_s = time.monotonic()
-    runs = 0 if wanted.report is None else REPORT_RUNS
+    runs = 0 if options.report is None else REPORT_RUNS
     narrator = Narrator(Console(stderr=True))
-    view = await _until_signal(run_round(wanted.seed, folder, ONCE_SPEED_UP, narrator, runs))
-    if wanted.report is not None:
-        _write_report(view, wanted.report, force=wanted.force)
-    found = Demonstrated(view, time.monotonic() - started_s, wanted.keep, wanted.report)
-    if wanted.json:
-        show(found, Format.INDENTED_ASCII)
-    else:
-        console = Console()
-        console.print(summary(view))
-        for line in found.lines():
-            console.print(line, highlight=False)
+    view = await _until_signal(run_round(options.seed, folder, ONCE_SPEED_UP, narrator, runs))
+    if options.report is not None:
+        _write_report(view, options.report, force=options.force)
+    found = Demonstrated(view, time.monotonic() - started_s, options.keep, options.report)
+    form = Format.INDENTED_ASCII if options.json_output else Format.TEXT
+    show(found, form, (summary(view), *map(Text, found.lines())))
     return found.is_good
 
 

@@ -32,8 +32,8 @@ def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> Non
     )
     reply = ask_or_exit(config, GetStatus())
     assert isinstance(reply, Status), "a question for the status is answered by it"
-    for name, axis in reply.status["axes"].items():
-        if axis["compensation"] == "shadow" and (not axes or name in axes):
+    for name, axis in reply.status.axes.items():
+        if axis.compensation == "shadow" and (not axes or name in axes):
             typer.echo(
                 f"{config}: axis {name} is in shadow mode: corrections are shown, positions pass unchanged; "
                 'for corrected ones set compensation = "on", and reload the configuration while it stands '

@@ -1,11 +1,13 @@
 """``pitch-gateway explain NAME``."""
 
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gateway.cli.arguments import AsJson
-from gateway.cli.output import print_json
+from gateway.cli.output import Format, show
 
 if TYPE_CHECKING:
     from gateway.catalogue.lookup import Explanation
@@ -31,18 +33,43 @@ def _keys(asked: str) -> "list[Explanation]":
     return found
 
 
-def _list_all(*, as_json: bool) -> None:
-    from gateway.catalogue.lookup import everything
+@dataclass(frozen=True, slots=True)
+class _Everything:
+    """All that has a name, by its kind; but the keys."""
 
-    parts = everything()
-    if as_json:
-        data = {kind: [entry.as_data() for entry in entries] for kind, entries in parts.items()}
-        print_json(data)
-        return
-    for kind, entries in parts.items():
-        typer.echo(f"{kind}:")
-        for entry in entries:
-            typer.echo(f"  {entry.name:<24}  {entry.meaning}")
+    parts: "Mapping[str, Sequence[Explanation]]"
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {kind: [entry.as_data() for entry in entries] for kind, entries in self.parts.items()}
+
+    def lines(self) -> Iterator[str]:
+        """Yield names and meanings."""
+        for kind, entries in self.parts.items():
+            yield f"{kind}:"
+            yield from (f"  {entry.name:<24}  {entry.meaning}" for entry in entries)
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What is called so."""
+
+    entries: "Sequence[Explanation]"
+
+    def as_data(self) -> list[Any]:
+        """Return it as plain data."""
+        return [entry.as_data() for entry in self.entries]
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words."""
+        for number, entry in enumerate(self.entries):
+            if number:
+                yield ""
+            severity = f", {entry.severity}" if entry.severity else ""
+            yield f"{entry.name} ({entry.kind}{severity})"
+            for word, text in (("means", entry.meaning), ("cause", entry.cause), ("remedy", entry.remedy)):
+                if text:
+                    yield f"  {word + ':':<8}{text}"
 
 
 def explain(
@@ -86,10 +113,11 @@ def explain(
 
         pitch-gateway explain --json | jq '.event[].name'
     """
-    from gateway.catalogue.lookup import look_up, near
+    from gateway.catalogue.lookup import everything, look_up, near
 
+    form = Format.INDENTED if as_json else Format.TEXT
     if name is None:
-        _list_all(as_json=as_json)
+        show(_Everything(everything()), form)
         return
     found = look_up(name) or _keys(name)
     if not found:
@@ -97,14 +125,4 @@ def explain(
         hint = f"did you mean {meant}?" if meant else "pitch-gateway explain lists what there is"
         typer.echo(f'nothing is called "{name}"; {hint}', err=True)
         raise typer.Exit(1)
-    if as_json:
-        print_json([entry.as_data() for entry in found])
-        return
-    for number, entry in enumerate(found):
-        if number:
-            typer.echo()
-        severity = f", {entry.severity}" if entry.severity else ""
-        typer.echo(f"{entry.name} ({entry.kind}{severity})")
-        for word, text in (("means", entry.meaning), ("cause", entry.cause), ("remedy", entry.remedy)):
-            if text:
-                typer.echo(f"  {word + ':':<8}{text}")
+    show(_Found(found), form)

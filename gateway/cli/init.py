@@ -7,7 +7,8 @@ import re
 import shlex
 import socket
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
@@ -17,11 +18,12 @@ import typer
 from gateway.cli.asking import Asking, number, text, two_numbers, whole_number
 from gateway.cli.init_options import InitOptions, TargetFile, further_axis
 from gateway.cli.options import takes_options
-from gateway.cli.output import print_json
+from gateway.cli.output import Format, print_lines, show
 
 if TYPE_CHECKING:
     from gateway.commissioning.first_configuration import Draft, Serial
     from gateway.commissioning.serial_ports import Found
+    from gateway.config.problems import Problem
 
 QUESTIONS: Final[Mapping[str, tuple[Callable[..., Any], str]]] = {
     "drives_at": (text, "Drives at (/dev/…, HOST:PORT, or rtu://HOST:PORT)"),
@@ -146,9 +148,10 @@ def init(file: TargetFile = Path("gateway.toml"), *, options: InitOptions) -> No
     _make_tables(file)
     if timing := _measured(file, asking, draft, measure=options.measure):
         _write(file, draft.text(state, timing), force=True)
-    is_good = _say_what_is_left(file, _next(file, state), as_json=options.as_json)
+    written = _written(file, _next(file, state))
+    show(written, Format.INDENTED if options.as_json else Format.TEXT)
     if options.systemd is not None:
-        _fit_units(file, options.systemd, is_good=is_good, is_quiet=options.as_json)
+        _fit_units(file, options.systemd, is_good=not written.left, is_quiet=options.as_json)
 
 
 def _new_draft(file: Path, drives: "Serial", controller: "Serial", *, force: bool) -> "Draft":
@@ -380,16 +383,16 @@ def _write(file: Path, text: str, *, force: bool) -> None:
 
 def _fit_units(file: Path, systemd: Path, *, is_good: bool, is_quiet: bool) -> None:
     """Write the drop-ins that fit the configuration; one that is not good yet fits none."""
-    from gateway.cli.service import say_written, write_drop_ins
+    from gateway.cli.service import fit
     from gateway.config.load import load
     from gateway.config.service_units import drop_ins
 
     if not is_good:
         typer.echo(f"afterwards: pitch-gateway service {file} --systemd {systemd}", err=True)
         return
-    written = write_drop_ins(systemd, drop_ins(load(file)))
+    fitted = fit(systemd, drop_ins(load(file)))
     if not is_quiet:
-        say_written(written)
+        print_lines(fitted.lines())
 
 
 def _measured(file: Path, asking: Asking, draft: "Draft", *, measure: bool | None) -> tuple[str, ...]:
@@ -431,34 +434,44 @@ def _is_there(place: str) -> bool:
     return True
 
 
-def _say_what_is_left(file: Path, following: list[str], *, as_json: bool) -> bool:
+@dataclass(frozen=True, slots=True)
+class _Written:
+    """A configuration that was written."""
+
+    file: Path
+    left: "Sequence[Problem]"
+    """What is left to do in it."""
+    warnings: "Sequence[Problem]"
+    following: Sequence[str]
+    """The next commands."""
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "file": str(self.file),
+            "ok": not self.left,
+            "left": [problem.as_dict() for problem in self.left],
+            "warnings": [warning.as_dict() for warning in self.warnings],
+            "next": self.following,
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words."""
+        yield f"{self.file} is written" + ("; left to do:" if self.left else " and good")
+        yield from (f"  {problem}" for problem in self.left)
+        yield from (f"warning: {warning}" for warning in self.warnings)
+        yield "next:"
+        yield from (f"  {line}" for line in self.following)
+
+
+def _written(file: Path, following: Sequence[str]) -> _Written:
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
 
-    left: list[Any] = []
     try:
-        warnings = load(file).warnings
+        return _Written(file, (), load(file).warnings, following)
     except ConfigErrors as errors:
-        left, warnings = list(errors.problems), errors.warnings
-    if as_json:
-        result = {
-            "file": str(file),
-            "ok": not left,
-            "left": [problem.as_dict() for problem in left],
-            "warnings": [warning.as_dict() for warning in warnings],
-            "next": following,
-        }
-        print_json(result)
-        return not left
-    typer.echo(f"{file} is written" + ("; left to do:" if left else " and good"))
-    for problem in left:
-        typer.echo(f"  {problem}")
-    for warning in warnings:
-        typer.echo(f"warning: {warning}")
-    typer.echo("next:")
-    for line in following:
-        typer.echo(f"  {line}")
-    return not left
+        return _Written(file, errors.problems, errors.warnings, following)
 
 
 def _next(file: Path, state: str | None) -> list[str]:

@@ -10,7 +10,7 @@ import typer
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit
 from gateway.cli.options import takes_options
-from gateway.cli.output import STOPPED_BY_SIGNAL, print_lines
+from gateway.cli.output import STOPPED_BY_SIGNAL, print_lines, print_words
 from gateway.commissioning.measure.options import MeasureOptions
 
 if TYPE_CHECKING:
@@ -120,14 +120,13 @@ def _result(config: Path, measuring: "Measuring") -> "Measured":
 
 def _show(measured: "Measured", *, as_json: bool) -> None:
     from gateway.cli.measure_progress import AsJson
-    from gateway.cli.table_output import results_text
+    from gateway.cli.table_output import PLAIN_WIDTH, results_lines
 
     found = measured.outcome
     if as_json:
         AsJson(found.survey.units.value).happened("result", measured.as_data())
     else:
-        results_text(
-            found.evaluation, None, ("with the table" if found.is_refined else "without a table", "")
-        )
+        titles = "with the table" if found.is_refined else "without a table", ""
+        print_words(results_lines(found.evaluation, None, titles), PLAIN_WIDTH)
         print_lines(found.lines())
     print_lines(measured.notes, err=as_json)

@@ -1,12 +1,11 @@
 """What a person, or a program, sees of a measuring run while it goes on."""
 
-import json
-import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from gateway.cli.output import Format, print_json
 from gateway.commissioning.measure.running import Showing
 from gateway.metrology.cycle import Stop
 from gateway.metrology.readings import Reading
@@ -106,8 +105,7 @@ class AsJson(AsLines):
 
     def happened(self, event: str, facts: Mapping[str, Any]) -> None:
         """See :class:`Showing`."""
-        sys.stdout.write(json.dumps({"event": event, **facts}) + "\n")
-        sys.stdout.flush()
+        print_json({"event": event, **facts}, Format.JSON)
 
 
 def line_of(number: int, total: int, reading: Reading, units: str) -> str:

@@ -1,13 +1,15 @@
 """``pitch-gateway reload CONFIG``."""
 
 import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import typer
 
 from gateway.cli.arguments import AsJson, Config
-from gateway.cli.output import Format, print_json
+from gateway.cli.output import Format, print_lines, show
 
 PATIENCE_S: Final = 60.0
 """For the supervisor: tables of a million points take seconds each."""
@@ -39,27 +41,52 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
 
         pitch-gateway reload gateway.toml --json
     """
+    import msgspec
+
     from gateway.ipc.notes import take_standard_error
 
     take_standard_error()  # the unit of the supervisor reloads so
-    outcome = _outcome(config)
-    problems: list[str] = outcome["all_problems"]
-    if as_json:
-        result = {
-            "changed": list(outcome["comes"]),
-            "comes": outcome["comes"],
-            "gone": outcome["gone"],
-            "keys": outcome["changed"],
-            "problems": problems,
-            "running": outcome["is_running"],
-        }
-        print_json(result, Format.JSON)
-    else:
-        _say(outcome)
-    for problem in problems:
-        typer.echo(problem, err=True)
-    if problems:
+    found = msgspec.convert(_outcome(config), _Reloaded)
+    show(found, Format.JSON if as_json else Format.TEXT)
+    print_lines(found.all_problems, err=True)
+    if found.all_problems:
         raise typer.Exit(1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Reloaded:
+    """What came of it, as the supervisor says it; see ``gateway.supervisor.outcome.Outcome``."""
+
+    comes: Mapping[str, str]
+    gone: Sequence[str]
+    changed: Sequence[str]
+    all_problems: Sequence[str]
+    is_running: bool
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "changed": list(self.comes),
+            "comes": self.comes,
+            "gone": self.gone,
+            "keys": self.changed,
+            "problems": self.all_problems,
+            "running": self.is_running,
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words, without the problems."""
+        for axis, comes in self.comes.items():
+            if axis in self.gone:
+                yield f"{axis}: it has no table any more; the old correction {GONE[comes]}"
+            else:
+                yield f"{axis}: its new correction {WORDS[comes]}"
+        if self.changed:
+            yield f"in force now: {', '.join(self.changed)}"
+        if not self.is_running:
+            yield "no gateway runs: everything is compiled for its start"
+        elif not self.comes and not self.changed and not self.all_problems:
+            yield "nothing has changed"
 
 
 def _outcome(config: Path) -> dict[str, Any]:
@@ -78,17 +105,3 @@ def _outcome(config: Path) -> dict[str, Any]:
 
     ignore_broken_leases()
     return Keeper(config).reload().as_data()
-
-
-def _say(outcome: dict[str, Any]) -> None:
-    for axis, comes in outcome["comes"].items():
-        if axis in outcome["gone"]:
-            typer.echo(f"{axis}: it has no table any more; the old correction {GONE[comes]}")
-        else:
-            typer.echo(f"{axis}: its new correction {WORDS[comes]}")
-    if outcome["changed"]:
-        typer.echo(f"in force now: {', '.join(outcome['changed'])}")
-    if not outcome["is_running"]:
-        typer.echo("no gateway runs: everything is compiled for its start")
-    elif not outcome["comes"] and not outcome["changed"] and not outcome["all_problems"]:
-        typer.echo("nothing has changed")

@@ -1,6 +1,8 @@
 """``pitch-gateway service CONFIG``."""
 
 import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -8,7 +10,7 @@ import typer
 
 from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import load_or_exit
-from gateway.cli.output import print_json
+from gateway.cli.output import Format, show
 
 DROP_IN: Final = "configuration.conf"
 READABLE: Final = 0o644
@@ -49,18 +51,35 @@ def service(
     warning = why_no_state(loaded)
     if warning is not None:
         typer.echo(f"warning: {warning}", err=True)
-    written = {} if systemd is None else write_drop_ins(systemd, texts)
-    if as_json:
-        _say_json(texts, written)
-    elif systemd is None:
-        for unit, text in texts.items():
-            typer.echo(f"# {unit}.d/{DROP_IN}\n{text}")
-    else:
-        say_written(written)
+    found = Fitted(texts) if systemd is None else fit(systemd, texts)
+    show(found, Format.INDENTED if as_json else Format.TEXT)
 
 
-def write_drop_ins(folder: Path, texts: dict[str, str]) -> dict[Path, bool]:
-    """Write the drop-in of each unit; returns the files, each with whether it has changed. Exits with 1."""
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """The drop-ins of a configuration, by the unit that each is for."""
+
+    texts: Mapping[str, str]
+    written: Mapping[Path, bool] = field(default_factory=dict)
+    """The files, each with whether it has changed; none where they are only shown."""
+
+    def as_data(self) -> dict[str, Any]:
+        """Return them as plain data."""
+        files = [{"file": str(path), "changed": is_new} for path, is_new in self.written.items()]
+        return {"drop_ins": self.texts, "files": files}
+
+    def lines(self) -> Iterator[str]:
+        """Yield what was written, and what makes it count; else what would be."""
+        if not self.written:
+            yield from (f"# {unit}.d/{DROP_IN}\n{text}" for unit, text in self.texts.items())
+        for path, is_new in self.written.items():
+            yield f"{path}: {'written' if is_new else 'fits already'}"
+        if any(self.written.values()):
+            yield "it counts after: systemctl daemon-reload && systemctl restart pitch-gateway.target"
+
+
+def fit(folder: Path, texts: Mapping[str, str]) -> Fitted:
+    """Write the drop-in of each unit below a folder. Ends the command with 1 where that cannot be."""
     from gateway.state.folder import write_whole
 
     written: dict[Path, bool] = {}
@@ -78,20 +97,4 @@ def write_drop_ins(folder: Path, texts: dict[str, str]) -> dict[Path, bool]:
                 f"{path} cannot be written ({why}); run this as root, or name another --systemd", err=True
             )
             raise typer.Exit(1) from None
-    return written
-
-
-def say_written(written: dict[Path, bool]) -> None:
-    """Tell what was written, and what makes it count."""
-    for path, is_new in written.items():
-        typer.echo(f"{path}: {'written' if is_new else 'fits already'}")
-    if any(written.values()):
-        typer.echo("it counts after: systemctl daemon-reload && systemctl restart pitch-gateway.target")
-
-
-def _say_json(texts: dict[str, str], written: dict[Path, bool]) -> None:
-    result: dict[str, Any] = {
-        "drop_ins": texts,
-        "files": [{"file": str(path), "changed": is_new} for path, is_new in written.items()],
-    }
-    print_json(result)
+    return Fitted(texts, written)

@@ -2,15 +2,16 @@
 
 import asyncio
 import signal
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gateway.cli.arguments import Config
-from gateway.cli.output import Format, print_json
+from gateway.cli.output import Format, show
 
 if TYPE_CHECKING:
     from gateway.simulator.ears import Hearing
@@ -100,8 +101,7 @@ def simulate(
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
     from gateway.simulator.errors import SimulatorError
-    from gateway.simulator.pacing import Adapter, WireFaults
-    from gateway.simulator.wire import Cable
+    from gateway.simulator.wire import Adapter, Cable, WireFaults
 
     try:
         gathered = {"lump_bytes": lump_bytes} if lump_bytes else {}
@@ -163,30 +163,45 @@ async def _serve(
         loop.add_signal_handler(signal_number, ended.set)
     async with World(plan, scaled_clock(speed_up), seed=seed, paced=paced, cable=cable) as world:
         gauges = world.add_gauges() if gauge else {}
-        lines = [asdict(line) for line in world.served]
-        if json_output:
-            said = {"lines": lines, "speed_up": speed_up, "seed": seed}
-            if gauge:
-                said["gauges"] = {each.axis: path for path, each in gauges.items()}
-            print_json({"event": "serving", **said}, Format.JSON)
-            await ended.wait()
-            return
-        for line in world.served:
-            _describe(line)
-        for path, each in gauges.items():
-            typer.echo(f"axis {each.axis}: a laser on {path}, as measure --gauge {path} reads it")
-        typer.echo("Ctrl-C ends it.")
-        await _show_until(ended, tuple(gauges.values()))
+        lasers = {each.axis: path for path, each in gauges.items()} if gauge else None
+        found = _Serving(world.served, speed_up, seed, lasers)
+        show(found, Format.JSON if json_output else Format.TEXT)
+        await (ended.wait() if json_output else _show_until(ended, tuple(gauges.values())))
+
+
+@dataclass(frozen=True, slots=True)
+class _Serving:
+    """What is simulated."""
+
+    served: "Sequence[ServedLine]"
+    speed_up: float
+    seed: int
+    lasers: Mapping[str, str] | None
+    """The port of each, by its axis; None: without."""
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        lines = [asdict(line) for line in self.served]
+        found = {"event": "serving", "lines": lines, "speed_up": self.speed_up, "seed": self.seed}
+        return found if self.lasers is None else {**found, "gauges": self.lasers}
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words."""
+        for line in self.served:
+            yield from _described(line)
+        for axis, path in (self.lasers or {}).items():
+            yield f"axis {axis}: a laser on {path}, as measure --gauge {path} reads it"
+        yield "Ctrl-C ends it."
 
 
 async def _show_until(ended: asyncio.Event, gauges: "tuple[VirtualGauge, ...]") -> None:
     """Show where axes come to rest, for readings that are typed."""
     from gateway.simulator.gauge import LOOK_S, Display
 
-    def show(gauge: "VirtualGauge", reading: float) -> None:
+    def tell(gauge: "VirtualGauge", reading: float) -> None:
         typer.echo(f"axis {gauge.axis} stands; its laser shows {reading:.5f} {gauge.units}")
 
-    displays = [Display(gauge, show) for gauge in gauges]
+    displays = [Display(gauge, tell) for gauge in gauges]
     while not ended.is_set():
         for display in displays:
             display.look()
@@ -194,16 +209,16 @@ async def _show_until(ended: asyncio.Event, gauges: "tuple[VirtualGauge, ...]") 
             await asyncio.wait_for(ended.wait(), LOOK_S if displays else None)
 
 
-def _describe(line: "ServedLine") -> None:
-    typer.echo(f"line {line.name}: drives on {line.address} ({line.kind})")
+def _described(line: "ServedLine") -> Iterator[str]:
+    yield f"line {line.name}: drives on {line.address} ({line.kind})"
     for axis in line.axes:
         behaves = f", behaves as {axis.drive}" if axis.drive else ""
         backlash = f"{axis.backlash_um:g} µm of backlash"
-        typer.echo(f"  axis {axis.name}: unit {axis.unit_id}, a worn screw, {backlash}{behaves}")
+        yield f"  axis {axis.name}: unit {axis.unit_id}, a worn screw, {backlash}{behaves}"
     for controller in line.controllers:
         opens = (
             "the gateway listens there"
             if controller.gateway_opens == controller.controller_opens
             else (f"the gateway opens {controller.gateway_opens}")
         )
-        typer.echo(f"  controller {controller.name}: connect it to {controller.controller_opens} ({opens})")
+        yield f"  controller {controller.name}: connect it to {controller.controller_opens} ({opens})"

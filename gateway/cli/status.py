@@ -6,7 +6,7 @@ import typer
 
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import state_folder_or_exit
-from gateway.cli.output import print_json
+from gateway.cli.output import Format, show
 
 
 def status(
@@ -44,13 +44,6 @@ def status(
     except NoRelayError as error:
         typer.echo(f"{config}: {error}", err=True)
         raise typer.Exit(1) from None
-    if as_json:
-        print_json(seen)
-    else:
-        from rich.console import Console
-
-        from gateway.cli.status_output import show_status
-
-        show_status(Console(highlight=False, soft_wrap=False), seen)
-    if seen["gateway"]["relay"] != "up":
+    show(seen, Format.INDENTED if as_json else Format.TEXT, looking.words_of(seen))
+    if seen.gateway.relay != "up":
         raise typer.Exit(1)

@@ -1,25 +1,24 @@
 """``pitch-gateway table``: look at a table file of any dialect, check it, turn it into another."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, Final
 
 import typer
 
-from gateway.cli import table_build, table_drift, table_evaluate, table_program, table_refine
-from gateway.cli import table_output as output
+from gateway.cli import output, table_build, table_drift, table_evaluate, table_program, table_refine
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
-from gateway.cli.output import print_json, print_lines
+from gateway.cli.output import Aside, Format
 from gateway.cli.table_convert import convert
 from gateway.cli.table_formats import formats
 from gateway.cli.table_options import AsJson, Counts, Told
+from gateway.cli.table_output import PLAIN_WIDTH, TableShown, explained
 from gateway.cli.table_plot import plot
-from gateway.cli.table_reading import fail, inspect, problems, usage
+from gateway.cli.table_reading import inspect, problems
 from gateway.cli.table_template import template
 from gateway.tabfile import Lint, Problem, Severity, TabFileError
 from gateway.tabfile import explain as explain_at
-from gateway.tabfile.explanation import to_json
 from gateway.tabfile.options import MAX_POSITION
 
 app = typer.Typer(
@@ -57,13 +56,10 @@ def show(
 
       pitch-gateway table show CNC7X.TAB --file-counts-per-unit 64000 --units inch
     """
-    with usage(), problems():
+    with problems():
         loaded = inspect(file, told.context(counts_per_unit))
-    if json:
-        rows = [output.row_json(row) for row in loaded.source.rows]
-        print_json({**output.summary(loaded), "rows": rows})
-    else:
-        output.show_text(loaded, limit)
+    form = Format.INDENTED if json else Format.TEXT
+    output.show(TableShown(loaded, limit), form, plain_width=PLAIN_WIDTH)
 
 
 @app.command()
@@ -92,13 +88,11 @@ def explain(
     """
     if not abs(at) < MAX_POSITION:
         raise typer.BadParameter(f"{at}: is no position of a machine", param_hint="--at")
-    with usage(), problems():
+    with problems():
         loaded = inspect(file, told.context(counts_per_unit))
-    explanation = explain_at(loaded, at, counts_per_unit)
-    if json:
-        print_json(to_json(loaded, explanation))
-    else:
-        output.explain_text(loaded, explanation)
+    found = explain_at(loaded, at, counts_per_unit)
+    form = Format.INDENTED if json else Format.TEXT
+    output.show(found, form, explained(found), plain_width=PLAIN_WIDTH)
 
 
 @app.command()
@@ -125,29 +119,61 @@ def lint(
 
       pitch-gateway table lint CNC7Z.TAB --file-start -2.5 --strict --json
     """
-    with usage():
+    form = Format.INDENTED if json else Format.TEXT
+    with problems():
         context = replace(told.context(counts_per_unit), max_correction=max_correction)
         if max_slope is not None:
             context = replace(context, max_slope=max_slope)
-    try:
-        loaded = inspect(file, context)
-    except TabFileError as error:
-        if json:
-            print_json(_lint_json(str(file), None, [_as_lint(problem) for problem in error.problems]))
-        fail(error)
-    failing = [
-        lint for lint in loaded.lints if _fails(lint) or (strict and lint.severity is not Severity.INFO)
-    ]
-    if json:
-        print_json(_lint_json(str(file), loaded.format, loaded.lints, ok=not failing))
-    else:
-        passing = [lint for lint in loaded.lints if lint not in failing]
-        print_lines(output.finding_line(loaded.file, lint) for lint in passing)
-        print_lines((output.finding_line(loaded.file, lint) for lint in failing), err=True)
-        typer.echo(f"{loaded.file}: {loaded.format}, {len(loaded.source.rows)} points")
-        typer.echo(_count(loaded.lints))
-    if failing:
+        try:
+            loaded = inspect(file, context)
+        except TabFileError as error:
+            if json:
+                output.show(_Linted(str(file), None, [_as_lint(problem) for problem in error.problems]), form)
+            raise
+    found = _Linted(
+        loaded.file, loaded.format, loaded.lints, len(loaded.source.rows), fails_on_warnings=strict
+    )
+    output.show(found, form)
+    if found.failing:
         raise typer.Exit(1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Linted:
+    """The remarks about a table."""
+
+    file: str
+    format: str | None
+    """None: it cannot be read."""
+    lints: Sequence[Lint]
+    points: int = 0
+    fails_on_warnings: bool = False
+
+    @property
+    def failing(self) -> list[Lint]:
+        """Those with which the command ends as with an error."""
+        fails = {Severity.ERROR, Severity.WARNING} if self.fails_on_warnings else {Severity.ERROR}
+        return [lint for lint in self.lints if lint.severity in fails or lint.code in FAILING]
+
+    def as_data(self) -> dict[str, object]:
+        """Return them as plain data."""
+        return {
+            "file": self.file,
+            "format": self.format,
+            "ok": not self.failing,
+            "lints": [lint.as_data() for lint in self.lints],
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield them for a person."""
+        failing = self.failing
+        yield from (lint.line_in(self.file) for lint in self.lints if lint not in failing)
+        yield from (Aside(lint.line_in(self.file)) for lint in failing)
+        yield f"{self.file}: {self.format}, {self.points} points"
+        yield f"{self._count(Severity.ERROR)} error(s), {self._count(Severity.WARNING)} warning(s)"
+
+    def _count(self, severity: Severity) -> int:
+        return sum(lint.severity is severity for lint in self.lints)
 
 
 app.command()(convert)
@@ -155,21 +181,7 @@ app.command()(formats)
 app.command()(template)
 
 
-def _fails(lint: Lint) -> bool:
-    return lint.severity is Severity.ERROR or lint.code in FAILING
-
-
 def _as_lint(problem: Problem) -> Lint:
     bare = replace(problem, code=None)
     message = str(bare).removeprefix(f"{bare.file}: ").removeprefix(f"{bare.file}:{bare.line}: ")
     return Lint(problem.code or "", Severity.ERROR, message, problem.line)
-
-
-def _lint_json(file: str, form: str | None, lints: Sequence[Lint], *, ok: bool = False) -> dict[str, object]:
-    return {"file": file, "format": form, "ok": ok, "lints": [lint.to_json() for lint in lints]}
-
-
-def _count(lints: Sequence[Lint]) -> str:
-    errors = sum(lint.severity is Severity.ERROR for lint in lints)
-    warnings = sum(lint.severity is Severity.WARNING for lint in lints)
-    return f"{errors} error(s), {warnings} warning(s)"

@@ -1,34 +1,35 @@
 """``pitch-gateway table build``: readings of a laser, a scale or a dial gauge into a table."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from gateway.cli import survey_files as shared
-from gateway.cli.output import print_json, print_lines
-from gateway.cli.table_options import AsJson, AxisLetter, Counts
-from gateway.cli.table_output import PREDICTED, results_text
+from gateway.cli import readings_options as given
+from gateway.cli.options import takes_options
+from gateway.cli.output import Aside, Format, print_lines, show
+from gateway.cli.table_options import AsJson, AxisLetter, Counts, Force, OutFile
+from gateway.cli.table_output import PLAIN_WIDTH, PREDICTED, results_lines
+from gateway.cli.table_reading import problems
+from gateway.commissioning.tables import WrittenTable, refusal, steep_notes, written_table
 from gateway.compensation.table import CorrectionTable
-from gateway.metrology.circumstances import check_uncorrected
-from gateway.metrology.doubts import doubts_of
+from gateway.compensation.units import Units
+from gateway.metrology.doubts import doubts_of, json_of, notes_of
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.evaluation import Evaluation, evaluate
-from gateway.metrology.formats import ReadingsContext
+from gateway.metrology.evaluation import Evaluation, evaluate, results_json
 from gateway.metrology.lead import longest
-from gateway.metrology.readings import Survey
+from gateway.metrology.readings import Survey, check_uncorrected, understood
 from gateway.metrology.recipe import Recipe, build_from
-from gateway.metrology.residue import predicted_residue
-from gateway.metrology.results import evidence_json, predicted_json, results_json
+from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.scale import check_scale
-from gateway.metrology.shapes import Fit, LeftOut
-from gateway.metrology.understood import understood
-from gateway.metrology.whole import json_of, notes_of
 from gateway.metrology.wrong_runs import settled
-from gateway.tabfile import LoadedTable, TabFileError, WriteOptions, axis_of_name
+from gateway.tabfile import Dialect, LoadedTable, TabFileError, axis_of_name
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from gateway.metrology.fitting import Evidence
 
 OWN_OPTIONS: Final = {
@@ -38,49 +39,60 @@ OWN_OPTIONS: Final = {
 """What some options of ``table convert`` are called here."""
 
 
-def build(
-    readings: shared.ReadingFiles,
-    out: shared.OutFile,
-    *,
-    to: shared.To = "centroid-2",
-    home: shared.Home = None,
-    step: Annotated[float | None, typer.Option(help="An even grid: multiples of this distance.")] = None,
+@dataclass(frozen=True, slots=True)
+class BuildOptions:
+    """How a table is made of readings."""
+
+    to: Annotated[
+        str,
+        typer.Option("--to", metavar="FORMAT", help="Format of OUT; pitch-gateway table formats lists all."),
+    ] = "centroid-2"
+    home: given.Home = None
+    step: Annotated[float | None, typer.Option(help="An even grid: multiples of this distance.")] = None
     travel: Annotated[
         tuple[float, float] | None,
         typer.Option(
             metavar="LO HI", help="Lay the even grid over this range; beyond the targets it is held."
         ),
-    ] = None,
+    ] = None
     tolerance: Annotated[
         float | None, typer.Option(help="As few of the targets as lose no more than this.")
-    ] = None,
+    ] = None
     smooth: Annotated[
         float | None, typer.Option(metavar="WINDOW", help="Smooth over this length; says by how much.")
-    ] = None,
+    ] = None
     drop_outliers: Annotated[
         bool,
         typer.Option(
             "--drop-outliers",
             help="Leave out outliers, and runs that are wrong as a whole.",
         ),
-    ] = False,
-    one_way: shared.OneWay = False,
-    fit: shared.FitWish = Fit.AUTO,
-    lead: shared.Lead = None,
-    period: shared.Turns = None,
-    to_20c: shared.To20 = None,
-    keep_scale: shared.KeepScale = False,
-    max_slope: shared.MaxSlope = None,
-    counts_per_unit: Counts = None,
-    axis: AxisLetter = None,
-    units: shared.ReadingsUnits = None,
-    to_units: shared.ToUnits = None,
-    to_counts_per_unit: shared.ToCounts = None,
-    to_sense: shared.ToSense = None,
-    to_file_axis: shared.ToFileAxis = None,
-    readings_format: shared.ReadingsFormat = None,
-    runs: shared.RunsTold = None,
-    force: shared.Force = False,
+    ] = False
+    shape: given.ShapeOptions = field(default_factory=given.ShapeOptions)
+    keep_scale: Annotated[
+        bool,
+        typer.Option(
+            "--keep-scale", help="Make the table though the readings are wrong by more than 0.3 mm/m."
+        ),
+    ] = False
+    max_slope: given.MaxSlope = None
+    counts_per_unit: Counts = None
+    axis: AxisLetter = None
+    units: Annotated[Units | None, typer.Option("--units", help="Units of readings that state none.")] = None
+    to_units: Annotated[Units | None, typer.Option(help="Units of OUT; default: those of the readings.")] = (
+        None
+    )
+    out: given.OutOptions = field(default_factory=given.OutOptions)
+    readings: given.FormatOptions = field(default_factory=given.FormatOptions)
+    force: Force = False
+
+
+@takes_options
+def build(
+    readings: given.ReadingFiles,
+    out: OutFile,
+    *,
+    options: BuildOptions,
     json: AsJson = False,
 ) -> None:
     """Build a correction table from readings that were taken without one.
@@ -97,51 +109,62 @@ def build(
 
       pitch-gateway table build run1.rtl run2.rtl cnc10x.tab --to centroid-3 --axis x --home switch-positive
     """
-    target = shared.dialect_to_write(to)
-    with shared.problems():
-        survey = shared.prepared(
-            shared.read_all(readings, ReadingsContext(readings_format, units, axis, runs)),
-            to_20c,
-            is_quiet=json,
-        )
-        check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
-        survey = settled(survey, drop=drop_outliers)
-        periods = shared.periods_of_readings(survey, lead, period)
-        if not keep_scale:
-            try:
-                check_scale(survey, counts_per_unit, longest(periods))
-            except ReadingsError:
-                _print_doubts(survey)
-                raise
-        letter = axis or _letter(survey.axis) or axis_of_name(out.name)
-        options = WriteOptions(letter, to_counts_per_unit, file_axis=to_file_axis, sense=to_sense)
-        unit = to_units or survey.units
-        steepest = shared.steep_allowed(survey, max_slope)
-        recipe = Recipe(
-            home, step, tolerance, smooth, drop_outliers, one_way=one_way, travel=travel, fit=fit,
-            periods=periods,
-            refusal=lambda each: shared.refusal(target, each.in_units(unit), options, steepest),
-        )  # fmt: skip
-        built = build_from(survey, recipe)
-        table = built.table.in_units(unit)
+    target = given.dialect_to_write(options.to)
+    with problems():
+        found = _built(readings, out, target, options, is_quiet=json)
+    show(found, Format.INDENTED if json else Format.TEXT, plain_width=PLAIN_WIDTH)
+
+
+def _built(
+    files: list[Path], out: Path, target: Dialect, options: BuildOptions, *, is_quiet: bool
+) -> "_BuiltTable":
+    """Make a table of readings and write it. Raises TabFileError, MetrologyError, TableError."""
+    screw = options.shape.screw
+    context = options.readings.context(options.units, options.axis)
+    survey = given.read_all(files, context, screw, is_quiet=is_quiet)
+    check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
+    survey = settled(survey, drop=options.drop_outliers)
+    periods = screw.periods(survey)
+    if not options.keep_scale:
         try:
-            written = shared.written(table, target, options, OWN_OPTIONS, steepest)
-        except TabFileError:
+            check_scale(survey, options.counts_per_unit, longest(periods))
+        except ReadingsError:
             _print_doubts(survey)
             raise
-        # in which order both lists stand is known here, for they come from the readings
-        lints = tuple(lint for lint in written.again.lints if lint.code != "L3")
-        again = replace(written.again, lints=lints)
-        written = replace(written, again=again)
-        notes = [
-            *built.notes,
-            *notes_of(survey, counts_per_unit, lead=longest(periods)),
-            *_one_curve(table, again, target.name),
-            *shared.steep_notes(again.table),
-        ]
-        result = written.result
-        shared.write_file(out, result.text, force=force, encoding=result.encoding)
-    found = _BuiltTable(
+    writing = options.out.writing(options.axis or _letter(survey.axis) or axis_of_name(out.name))
+    unit = options.to_units or survey.units
+    steepest = given.steep_allowed(survey, options.max_slope)
+    recipe = Recipe(
+        options.home,
+        options.step,
+        options.tolerance,
+        options.smooth,
+        options.drop_outliers,
+        one_way=options.shape.one_way,
+        travel=options.travel,
+        fit=options.shape.fit,
+        periods=periods,
+        refusal=lambda each: refusal(target, each.in_units(unit), writing, steepest),
+    )
+    built = build_from(survey, recipe)
+    table = built.table.in_units(unit)
+    try:
+        written = written_table(table, target, writing, steepest, OWN_OPTIONS)
+    except TabFileError:
+        _print_doubts(survey)
+        raise
+    # in which order both lists stand is known here, for they come from the readings
+    lints = tuple(lint for lint in written.again.lints if lint.code != "L3")
+    again = replace(written.again, lints=lints)
+    notes = [
+        *built.notes,
+        *notes_of(survey, options.counts_per_unit, lead=longest(periods)),
+        *_one_curve(table, again, target.name),
+        *steep_notes(again.table),
+    ]
+    written = replace(written, again=again)
+    written.put(out, force=options.force)
+    return _BuiltTable(
         out,
         notes,
         written,
@@ -152,10 +175,6 @@ def build(
         evidence=built.evidence,
         lead=longest(periods),
     )
-    if json:
-        print_json(found.as_data())
-    else:
-        found.show()
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +183,7 @@ class _BuiltTable:
 
     out: Path
     notes: list[str]
-    written: shared.WrittenTable
+    written: WrittenTable
     before: Evaluation
     predicted: Evaluation
     left_out: LeftOut | None
@@ -185,16 +204,16 @@ class _BuiltTable:
             **self.written.as_data(),
             "before": results_json(self.before),
             "predicted": {**results_json(self.predicted), **predicted_json(self.predicted, self.left_out)},
-            "fit": None if self.evidence is None else evidence_json(self.evidence),
+            "fit": None if self.evidence is None else self.evidence.as_data(),
             "understood": understood(self.survey),
             **json_of(self.survey, self.lead),
         }
 
-    def show(self) -> None:
-        """Print it for a person."""
-        print_lines((f"note: {note}" for note in self.notes), err=True)
-        print_lines(self.written.lines(self.out))
-        results_text(self.before, self.predicted, ("before", PREDICTED), left_out=self.left_out)
+    def lines(self) -> "Iterator[RenderableType]":
+        """Yield it for a person."""
+        yield from (Aside(f"note: {note}") for note in self.notes)
+        yield from self.written.lines(self.out)
+        yield from results_lines(self.before, self.predicted, ("before", PREDICTED), left_out=self.left_out)
 
 
 def _print_doubts(survey: Survey) -> None:

@@ -2,15 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
-from gateway.cli.output import print_json, print_lines
-from gateway.cli.table_options import AsJson, Target, Told, Wanted
-from gateway.cli.table_reading import inspect, problems, usage
+from gateway.cli.output import Format, show
+from gateway.cli.table_options import AsJson, Force, OutFile, Target, Told, Wanted
+from gateway.cli.table_reading import inspect, problems
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -42,14 +41,12 @@ from gateway.tabfile.options import MAX_SCALE, MIN_SCALE
 @takes_options
 def convert(
     file: TableFile,
-    out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False, readable=False)
-    ],
+    out: OutFile,
     *,
     to: Target,
     wanted: Wanted,
     told: Told,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite OUT.")] = False,
+    force: Force = False,
     json: AsJson = False,
 ) -> None:
     """Write a table in another format, and say what that format cannot hold.
@@ -66,7 +63,7 @@ def convert(
       pitch-gateway table convert x-table.csv cnc10x.tab --to centroid-3 --axis x --resample 10
     """
     target = dialect_named(to)
-    with usage(), problems():
+    with problems():
         loaded = inspect(file, told.context())
         scale = _scale(wanted.to_counts_per_unit)
         table = _in_units(loaded, wanted.to_units)
@@ -87,11 +84,8 @@ def convert(
         )
         result = converted(table, target, options)
         write(out, result.written.text, force=force, encoding=result.written.encoding)
-    report = _Report(loaded, out, target, table.units, even, result)
-    if json:
-        print_json(report.to_json())
-    else:
-        print_lines(report.lines())
+    found = _Converted(loaded, out, target, table.units, even, result)
+    show(found, Format.INDENTED if json else Format.TEXT)
 
 
 def _scale(told: float | None) -> float | None:
@@ -128,7 +122,7 @@ def _in_units(loaded: LoadedTable, units: Units | None) -> CorrectionTable:
 
 
 @dataclass(frozen=True, slots=True)
-class _Report:
+class _Converted:
     """What was written, what it does not hold and what its reader must be told."""
 
     loaded: LoadedTable
@@ -150,7 +144,7 @@ class _Report:
             *turns_lost(self.loaded, self.result.modulo),
         ]
 
-    def to_json(self) -> dict[str, object]:
+    def as_data(self) -> dict[str, object]:
         """Return it as plain data; lengths are in the units of OUT."""
         even = self.even
         return {

@@ -1,15 +1,17 @@
 """``pitch-gateway table drift``: how far one place wanders while the machine warms up or rests."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gateway.cli import survey_files as shared
-from gateway.cli.output import print_json
+from gateway.cli.output import Format, show
 from gateway.cli.table_options import AsJson
+from gateway.cli.table_reading import problems
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.metrology.deviation import small_unit
+from gateway.metrology.readings import small_unit
 from gateway.metrology.warm_up import DriftTest, evaluate_drift, read_samples
 from gateway.tabfile import Problem, TabFileError
 from gateway.tabfile.text import MAX_BYTES, decode
@@ -37,41 +39,51 @@ def drift(
     Examples:
       pitch-gateway table drift warm-up.csv
     """
-    with shared.problems():
+    with problems():
         try:
             data = read_regular_file(file, MAX_BYTES, "a file of a drift test")
         except FileRefusedError as error:
             raise TabFileError(Problem(str(file), str(error), "")) from None
         samples, units = read_samples(decode(data, str(file), "a drift test"))
-        found = evaluate_drift(samples, units)
-    if json:
-        print_json(_json(file, found))
-        return
-    small = small_unit(units)
-    typer.echo(f"{file}: {len(samples)} readings in {found.minutes:g} min")
-    typer.echo(f"range over the test: {small.text(found.span)}")
-    typer.echo(
-        f"largest change within an hour: {small.text(found.largest_hour)}, "
-        f"from minute {found.hour_began:g} on"
-    )
-    typer.echo(f"rate in the last hour: {found.last_rate * small.factor:+.2f} {small.name}/h")
-    if found.per_kelvin is not None and found.explained is not None:
-        typer.echo(
-            f"a kelvin makes {found.per_kelvin * small.factor:+.2f} {small.name}; that explains "
-            f"{found.explained:.0%} of the drift"
+        found = _Drifted(file, len(samples), evaluate_drift(samples, units))
+    show(found, Format.INDENTED if json else Format.TEXT)
+
+
+@dataclass(frozen=True, slots=True)
+class _Drifted:
+    """What a file of a drift test says."""
+
+    file: Path
+    readings: int
+    test: DriftTest
+
+    def as_data(self) -> dict[str, object]:
+        """Return it as plain data."""
+        found, small = self.test, small_unit(self.test.units)
+        per_kelvin = None if found.per_kelvin is None else found.per_kelvin * small.factor
+        return {
+            "file": str(self.file),
+            "minutes": found.minutes,
+            f"range_{small.key}": found.span * small.factor,
+            f"largest_hour_{small.key}": found.largest_hour * small.factor,
+            "largest_hour_from_min": found.hour_began,
+            f"last_hour_{small.key}_per_h": found.last_rate * small.factor,
+            f"{small.key}_per_kelvin": per_kelvin,
+            "explained": found.explained,
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words."""
+        found, small = self.test, small_unit(self.test.units)
+        yield f"{self.file}: {self.readings} readings in {found.minutes:g} min"
+        yield f"range over the test: {small.text(found.span)}"
+        yield (
+            f"largest change within an hour: {small.text(found.largest_hour)}, "
+            f"from minute {found.hour_began:g} on"
         )
-
-
-def _json(file: Path, found: DriftTest) -> dict[str, object]:
-    small = small_unit(found.units)
-    per_kelvin = None if found.per_kelvin is None else found.per_kelvin * small.factor
-    return {
-        "file": str(file),
-        "minutes": found.minutes,
-        f"range_{small.key}": found.span * small.factor,
-        f"largest_hour_{small.key}": found.largest_hour * small.factor,
-        "largest_hour_from_min": found.hour_began,
-        f"last_hour_{small.key}_per_h": found.last_rate * small.factor,
-        f"{small.key}_per_kelvin": per_kelvin,
-        "explained": found.explained,
-    }
+        yield f"rate in the last hour: {found.last_rate * small.factor:+.2f} {small.name}/h"
+        if found.per_kelvin is not None and found.explained is not None:
+            yield (
+                f"a kelvin makes {found.per_kelvin * small.factor:+.2f} {small.name}; that explains "
+                f"{found.explained:.0%} of the drift"
+            )

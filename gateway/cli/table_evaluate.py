@@ -1,88 +1,92 @@
 """``pitch-gateway table evaluate``: accuracy and repeatability after ISO 230-2, before and after."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from gateway.cli import survey_files as shared
+from gateway.cli import readings_options as given
 from gateway.cli.options import takes_options
-from gateway.cli.output import print_json, print_lines
+from gateway.cli.output import Aside, Format, show
 from gateway.cli.table_options import AsJson, Counts, Told
-from gateway.cli.table_output import PREDICTED, results_text
-from gateway.cli.table_reading import inspect
-from gateway.metrology import results as judged
-from gateway.metrology.circumstances import check_same_axis, check_uncorrected, was_corrected
+from gateway.cli.table_output import PLAIN_WIDTH, PREDICTED, results_lines
+from gateway.cli.table_reading import inspect, problems
+from gateway.metrology.doubts import json_of, notes_of
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.evaluation import Evaluation, results_json
 from gateway.metrology.evaluation import evaluate as iso_230_2
-from gateway.metrology.formats import ReadingsContext
 from gateway.metrology.lead import Period, longest
 from gateway.metrology.outliers import find_outliers
-from gateway.metrology.readings import Survey
-from gateway.metrology.residue import predicted_residue
-from gateway.metrology.shapes import LeftOut
-from gateway.metrology.uncertainty import budget_of
-from gateway.metrology.understood import understood
-from gateway.metrology.whole import json_of, notes_of
+from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, understood, was_corrected
+from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
+from gateway.metrology.uncertainty import budget_of, known_of, limit_json, limit_line
+from gateway.metrology.vdi_3441 import vdi_json, vdi_line
 from gateway.metrology.wrong_runs import settled
 from gateway.report.findings import find, other_stretch
 from gateway.report.story import AxisStory, Report
 from gateway.tabfile import LoadedTable
 
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
 NO_PREDICTION: Final = "what another table would leave cannot be told from it; evaluate it without a table"
 
 
-@takes_options
-def evaluate(
-    readings: shared.ReadingFiles,
-    *,
+@dataclass(frozen=True, slots=True)
+class EvaluateOptions:
+    """What readings are judged beside, and by what."""
+
     after: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="READINGS2", help="Readings with a table in use; again for more.", readable=False
         ),
-    ] = None,
+    ] = None
     table: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Predict what this table leaves of READINGS.", readable=False),
-    ] = None,
-    told: Told,
-    readings_format: shared.ReadingsFormat = None,
-    runs: shared.RunsTold = None,
-    lead: shared.Lead = None,
-    period: shared.Turns = None,
-    to_20c: shared.To20 = None,
-    counts_per_unit: Counts = None,
-    vdi: Annotated[
-        bool, typer.Option("--vdi-3441", help="Show P, Ps, Pa and U after VDI/DGQ 3441 too.")
-    ] = False,
+    ] = None
+    told: Told = field(default_factory=Told)
+    readings: given.FormatOptions = field(default_factory=given.FormatOptions)
+    screw: given.ScrewOptions = field(default_factory=given.ScrewOptions)
+    counts_per_unit: Counts = None
+    vdi: Annotated[bool, typer.Option("--vdi-3441", help="Show P, Ps, Pa and U after VDI/DGQ 3441 too.")] = (
+        False
+    )
     limit: Annotated[
         float | None,
         typer.Option("--limit", help="In µm (arcsec): say whether A keeps it, with the uncertainty."),
-    ] = None,
+    ] = None
     u_instrument: Annotated[
         float,
         typer.Option("--u-instrument", help="Of the instrument over the length, k = 2, in µm (arcsec)."),
-    ] = 0.0,
+    ] = 0.0
     u_alignment: Annotated[
         float,
         typer.Option("--u-alignment", help="How far beam or scale leave the axis over its length, in mm."),
-    ] = 0.0,
+    ] = 0.0
     u_temperature: Annotated[
         float,
         typer.Option("--u-temperature", help="Range in which the temperature of the screw lies, in K."),
-    ] = 0.0,
+    ] = 0.0
     u_environment: Annotated[
         float, typer.Option("--u-environment", help="What an hour of a drift test shows, in µm (arcsec).")
-    ] = 0.0,
+    ] = 0.0
     report: Annotated[
         Path | None,
         typer.Option(metavar="OUT", help="Write a report: .html, .png or .svg.", readable=False),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the report.")] = False,
+    ] = None
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the report.")] = False
+
+
+@takes_options
+def evaluate(
+    readings: given.ReadingFiles,
+    *,
+    options: EvaluateOptions,
     json: AsJson = False,
 ) -> None:
     """Judge an axis by the formulas of ISO 230-2: A, R, E, M and B, for each direction and both.
@@ -96,67 +100,82 @@ def evaluate(
 
       pitch-gateway table evaluate laser.rtl --table cnc10x.tab --travel 0 500
     """
-    if after and table is not None:
+    if options.after and options.table is not None:
         raise typer.BadParameter(
             "either a measurement or a prediction, not both", param_hint="--after, --table"
         )
-    with shared.problems():
-        context = ReadingsContext(readings_format, told.units, told.axis, runs)
-        before = shared.prepared(shared.read_all(readings, context), to_20c, is_quiet=json)
-        before = settled(before)
-        loaded = None
-        second = None
-        if after:
-            second = shared.prepared(shared.read_all(after, context), to_20c, is_quiet=json).in_units(
-                before.units
-            )
-        if second is not None:
-            second = settled(second)
-            check_same_axis(before.source, before.axis, second.source, second.axis)
-        if table is not None:
-            loaded = inspect(table, told.context())
-            check_same_axis(before.source, before.axis, table.name, loaded.source.axis)
-            check_uncorrected(before.source, before.facts, NO_PREDICTION)
-            second = predicted_residue(before, loaded.table)
-        results = (iso_230_2(before), iso_230_2(second) if second else None)
-        notes = _all_notes((before, second), results, is_predicted=loaded is not None)
-        periods = shared.periods_of_readings(before, lead, period)
-        turn, has_scale = longest(periods), not was_corrected(before.facts)
-        notes = (*notes, *notes_of(before, counts_per_unit, with_scale=has_scale, lead=turn))
-        if second is not None and loaded is None:
-            notes = (*notes, *(f"after: {note}" for note in notes_of(second, with_scale=False)))
-        left_out = None
-        if loaded is not None:
-            left_out, warnings = _between(before, loaded, periods)
-            notes = (*notes, *warnings)
-        last = results[1] if results[1] is not None and loaded is None else results[0]
-        lines, extra = [], dict[str, object]()
-        if vdi:
-            lines.append(judged.vdi_line(last))
-            extra["vdi_3441"] = judged.vdi_json(last)
-        if limit is not None:
-            known = judged.known_of(last, u_instrument, u_alignment, u_temperature, u_environment)
-            budget = budget_of(last, known)
-            lines.append(judged.limit_line(last, budget, limit))
-            extra["conformity"] = judged.limit_json(last, budget, limit)
-        if report is not None:
-            story = replace(_story(before, second, loaded, (*notes, *lines)), left_out=left_out)
-            _write_report(report, story, force=force)
-    found = _Judged(
+    with problems():
+        found = _judged(readings, options, is_quiet=json)
+    show(found, Format.INDENTED if json else Format.TEXT, plain_width=PLAIN_WIDTH)
+
+
+def _judged(files: list[Path], options: EvaluateOptions, *, is_quiet: bool) -> "_Judged":
+    """Judge readings, and write the report if one is asked for.
+
+    Raises:
+        TabFileError, MetrologyError, ReportError: see there.
+    """
+    context = options.readings.context(options.told.units, options.told.axis)
+    screw = options.screw
+    before = settled(given.read_all(files, context, screw, is_quiet=is_quiet))
+    loaded = None
+    second = None
+    if options.after:
+        second = given.read_all(options.after, context, screw, is_quiet=is_quiet)
+        second = settled(second.in_units(before.units))
+        check_same_axis(before.source, before.axis, second.source, second.axis)
+    if options.table is not None:
+        loaded = inspect(options.table, options.told.context())
+        check_same_axis(before.source, before.axis, options.table.name, loaded.source.axis)
+        check_uncorrected(before.source, before.facts, NO_PREDICTION)
+        second = predicted_residue(before, loaded.table)
+    results = (iso_230_2(before), iso_230_2(second) if second else None)
+    notes = _all_notes((before, second), results, is_predicted=loaded is not None)
+    periods = screw.periods(before)
+    turn, has_scale = longest(periods), not was_corrected(before.facts)
+    notes = (*notes, *notes_of(before, options.counts_per_unit, with_scale=has_scale, lead=turn))
+    if second is not None and loaded is None:
+        notes = (*notes, *(f"after: {note}" for note in notes_of(second, with_scale=False)))
+    left_out = None
+    if loaded is not None:
+        left_out, warnings = _between(before, loaded, periods)
+        notes = (*notes, *warnings)
+    last = results[1] if results[1] is not None and loaded is None else results[0]
+    by_others, extra = _by_others(last, options)
+    if options.report is not None:
+        story = replace(_story(before, second, loaded, (*notes, *by_others)), left_out=left_out)
+        _write_report(options.report, story, force=options.force)
+    return _Judged(
         before,
         results,
         notes,
         is_predicted=loaded is not None,
         left_out=left_out,
-        lines=tuple(lines),
+        by_others=by_others,
         more=extra,
         lead=turn,
-        report=report,
+        report=options.report,
     )
-    if json:
-        print_json(found.as_data())
-    else:
-        found.show()
+
+
+def _by_others(last: Evaluation, options: EvaluateOptions) -> tuple[tuple[str, ...], dict[str, object]]:
+    """Return what VDI/DGQ 3441 says, and whether a limit is kept: as lines, and as plain data."""
+    lines, data = [], dict[str, object]()
+    if options.vdi:
+        lines.append(vdi_line(last))
+        data["vdi_3441"] = vdi_json(last)
+    if options.limit is not None:
+        known = known_of(
+            last,
+            options.u_instrument,
+            options.u_alignment,
+            options.u_temperature,
+            options.u_environment,
+        )
+        budget = budget_of(last, known)
+        lines.append(limit_line(last, budget, options.limit))
+        data["conformity"] = limit_json(last, budget, options.limit)
+    return tuple(lines), data
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +187,7 @@ class _Judged:
     notes: tuple[str, ...]
     is_predicted: bool
     left_out: LeftOut | None
-    lines: tuple[str, ...]
+    by_others: tuple[str, ...]
     """By other standards, and whether a limit is kept."""
     more: dict[str, object]
     """The same for a program."""
@@ -179,29 +198,29 @@ class _Judged:
     def as_data(self) -> dict[str, object]:
         """Return it as plain data."""
         before, after = self.results
-        shown = None if after is None else judged.results_json(after)
+        shown = None if after is None else results_json(after)
         if shown is not None and self.is_predicted and after is not None:
-            shown |= judged.predicted_json(after, self.left_out)
+            shown |= predicted_json(after, self.left_out)
         return {
             "readings": self.survey.source,
             "understood": understood(self.survey),
             **self.more,
             **json_of(self.survey, self.lead),
-            "before": judged.results_json(before),
+            "before": results_json(before),
             "after": shown,
             "is_predicted": self.is_predicted,
             "notes": list(self.notes),
         }
 
-    def show(self) -> None:
-        """Print it for a person."""
-        print_lines((f"note: {note}" for note in self.notes), err=True)
+    def lines(self) -> "Iterator[RenderableType]":
+        """Yield it for a person."""
+        yield from (Aside(f"note: {note}") for note in self.notes)
         first = "measured" if self.results[1] is None else "before"
-        words = (first, PREDICTED if self.is_predicted else "after")
-        results_text(*self.results, words, left_out=self.left_out)
-        print_lines(self.lines)
+        titles = (first, PREDICTED if self.is_predicted else "after")
+        yield from results_lines(*self.results, titles, left_out=self.left_out)
+        yield from self.by_others
         if self.report is not None:
-            typer.echo(f"report: {self.report}")
+            yield f"report: {self.report}"
 
 
 def _between(
@@ -271,11 +290,7 @@ def _story(
 
 
 def _write_report(path: Path, story: AxisStory, *, force: bool) -> None:
-    from gateway.report.errors import ReportError
     from gateway.report.writing import write_report
 
     made_at = datetime.now(UTC).astimezone().isoformat(sep=" ", timespec="minutes")
-    try:
-        write_report(Report(f"Accuracy of {find(story).named}", (story,), made_at), path, force=force)
-    except ReportError as error:
-        raise ValueError(str(error)) from error
+    write_report(Report(f"Accuracy of {find(story).named}", (story,), made_at), path, force=force)

@@ -1,8 +1,8 @@
 """``pitch-gateway table formats``: every format of table that can be read, and what must be told about it."""
 
-import typer
+from collections.abc import Iterator
 
-from gateway.cli.output import print_json
+from gateway.cli.output import Format, show
 from gateway.cli.table_options import AsJson
 from gateway.tabfile import DIALECTS, OPTIONS, Dialect, UnitsOf
 from gateway.tabfile.options import DECLARED
@@ -26,20 +26,29 @@ def formats(*, json: AsJson = False) -> None:
 
       pitch-gateway table formats --json
     """
-    if json:
-        print_json({"formats": [_as_data(dialect) for dialect in DIALECTS]})
-        return
-    for dialect in DIALECTS:
-        typer.echo(f"{dialect.name}: {dialect.title}")
-        facts = [
-            f"{'two directions' if dialect.directions == 2 else 'one correction for both directions'}",
-            f"units: {_UNITS[dialect.units]}",
-            f"files: *{dialect.suffix}" if dialect.suffix else "files: of any name",
-            "read and written" if dialect.is_writable else "read only",
-        ]
-        typer.echo(f"  {'; '.join(facts)}")
-        if options := _options(dialect):
-            typer.echo(f"  may need {', '.join(options)}")
+    show(_Formats(), Format.INDENTED if json else Format.TEXT)
+
+
+class _Formats:
+    """Every format."""
+
+    def as_data(self) -> dict[str, object]:
+        """Return them as plain data."""
+        return {"formats": [_as_data(dialect) for dialect in DIALECTS]}
+
+    def lines(self) -> Iterator[str]:
+        """Yield them in words."""
+        for dialect in DIALECTS:
+            yield f"{dialect.name}: {dialect.title}"
+            facts = [
+                f"{'two directions' if dialect.directions == 2 else 'one correction for both directions'}",
+                f"units: {_UNITS[dialect.units]}",
+                f"files: *{dialect.suffix}" if dialect.suffix else "files: of any name",
+                "read and written" if dialect.is_writable else "read only",
+            ]
+            yield f"  {'; '.join(facts)}"
+            if options := _options(dialect):
+                yield f"  may need {', '.join(options)}"
 
 
 def _options(dialect: Dialect) -> list[str]:

@@ -6,6 +6,7 @@ What can be told about a file is declared in :mod:`gateway.tabfile.options`, the
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -47,6 +48,16 @@ def _one_of(names: Sequence[str], name: str | None) -> str | None:
     return name
 
 
+OutFile = Annotated[
+    Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False, readable=False)
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite OUT.")]
+ToSense = Annotated[
+    ErrorSense | None, typer.Option(help="What OUT calls an error, if its format leaves that open.")
+]
+ToFileAxis = Annotated[
+    str | None, typer.Option(metavar="NAME", help="What OUT calls the axis, if its format names axes.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Target = Annotated[
     str,
@@ -118,9 +129,7 @@ class Wanted:
             metavar="LETTER", help="The axis that OUT is for; default: that of FILE or of a file name."
         ),
     ] = None
-    to_file_axis: Annotated[
-        str | None, typer.Option(metavar="NAME", help="What OUT calls the axis, if its format names axes.")
-    ] = None
+    to_file_axis: ToFileAxis = None
     to_counts_per_unit: Annotated[
         float | None,
         typer.Option(
@@ -131,9 +140,7 @@ class Wanted:
     to_v1_layout: Annotated[
         V1Layout | None, typer.Option(help="Layout of a Centroid version 1 OUT; default: implicit.")
     ] = None
-    to_sense: Annotated[
-        ErrorSense | None, typer.Option(help="What OUT calls an error, if its format leaves that open.")
-    ] = None
+    to_sense: ToSense = None
     resample: Annotated[
         float | None,
         typer.Option(

@@ -1,19 +1,17 @@
 """What ``pitch-gateway table`` prints: rich tables for people, plain data for programs."""
 
-import sys
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
 
-import typer
-
-from gateway.cli.output import print_lines
-from gateway.metrology.evaluation import Evaluation
-from gateway.metrology.results import NAMES, left_out_line, values_of
-from gateway.metrology.shapes import LeftOut
-from gateway.metrology.standard_asks import missing_line, missing_of, title_of
+from gateway.metrology.evaluation import NAMES, Evaluation, missing_line, missing_of, title_of, values_of
+from gateway.metrology.residue import LeftOut, left_out_line
 from gateway.report.findings import other_stretch
-from gateway.tabfile import Explanation, Lint, LoadedTable, SourceRow
+from gateway.tabfile import Explanation, LoadedTable, SourceRow
 from gateway.tabfile.explanation import DirectionExplained
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 PREDICTED: Final = "predicted"
 """The title of figures that nobody measured."""
@@ -21,66 +19,66 @@ PLAIN_WIDTH = 140
 """Columns of a rich table that does not go to a terminal."""
 
 
-def finding_line(file: str, lint: Lint) -> str:
-    """Render a remark as one line: place, severity, code, message."""
-    place = file if lint.line is None else f"{file}:{lint.line}"
-    return f"{place}: {lint.severity.value} {lint.code} {lint.message}"
+@dataclass(frozen=True, slots=True)
+class TableShown:
+    """A table with its points; a person sees the first ``limit`` of them, 0 for all."""
+
+    loaded: LoadedTable
+    limit: int
+
+    def as_data(self) -> dict[str, object]:
+        """Return it as plain data."""
+        remarks = [lint.as_data() for lint in self.loaded.lints]
+        return {**self._facts(), "lints": remarks, "rows": [row._asdict() for row in self.loaded.source.rows]}
+
+    def lines(self) -> "Iterator[RenderableType]":
+        """Yield it for a person."""
+        for key, item in self._facts().items():
+            if key not in ("decisions", "behaves_as") and item is not None:
+                yield f"{key:15} {_plain(item)}"
+        source = self.loaded.source
+        unit, file_unit = self.loaded.table.units.value, source.value_unit
+        rows = source.rows[: self.limit] if self.limit else source.rows
+        headings = [f"position ({unit})", f"forward correction ({unit})", f"backward correction ({unit})"]
+        headings += [f"forward file value ({file_unit})", f"backward file value ({file_unit})", "lines"]
+        yield _table(headings, [_row_cells(row) for row in rows])
+        if len(rows) < len(source.rows):
+            yield f"{len(source.rows) - len(rows)} more points: --limit 0 shows all"
+        yield from remarks(self.loaded)
+
+    def _facts(self) -> dict[str, object]:
+        """Return what there is to say besides the points."""
+        table, source = self.loaded.table, self.loaded.source
+        return {
+            "file": self.loaded.file,
+            "format": self.loaded.format,
+            "sha256": self.loaded.sha256,
+            "units": table.units.value,
+            "file_unit": source.value_unit,
+            "axis": source.axis,
+            "points": len(table.positions),
+            "range": [table.first, table.last],
+            "unidirectional": table.is_unidirectional,
+            "max_correction": table.max_correction(),
+            "max_reversal": table.max_reversal(),
+            "max_slope": table.max_slope(),
+            "forward_rule": source.forward_rule,
+            "backward_rule": source.backward_rule,
+            "decisions": list(source.decisions),
+            "behaves_as": list(source.behaves_as),
+        }
 
 
-def summary(loaded: LoadedTable) -> dict[str, object]:
-    """Return what ``show`` says about a table besides its points."""
-    table = loaded.table
-    return {
-        "file": loaded.file,
-        "format": loaded.format,
-        "sha256": loaded.sha256,
-        "units": table.units.value,
-        "file_unit": loaded.source.value_unit,
-        "axis": loaded.source.axis,
-        "points": len(table.positions),
-        "range": [table.first, table.last],
-        "unidirectional": table.is_unidirectional,
-        "max_correction": table.max_correction(),
-        "max_reversal": table.max_reversal(),
-        "max_slope": table.max_slope(),
-        "forward_rule": loaded.source.forward_rule,
-        "backward_rule": loaded.source.backward_rule,
-        "decisions": list(loaded.source.decisions),
-        "behaves_as": list(loaded.source.behaves_as),
-        "lints": [lint.to_json() for lint in loaded.lints],
-    }
-
-
-def row_json(row: SourceRow) -> dict[str, object]:
-    """Return one point as plain data."""
-    return row._asdict()
-
-
-def show_text(loaded: LoadedTable, limit: int) -> None:
-    """Print a table for a person; of its points the first ``limit``, 0 for all."""
-    for key, item in summary(loaded).items():
-        if key not in ("lints", "decisions", "behaves_as") and item is not None:
-            typer.echo(f"{key:15} {_plain(item)}")
-    unit, file_unit = loaded.table.units.value, loaded.source.value_unit
-    rows = loaded.source.rows[:limit] if limit else loaded.source.rows
-    headings = [f"position ({unit})", f"forward correction ({unit})", f"backward correction ({unit})"]
-    headings += [f"forward file value ({file_unit})", f"backward file value ({file_unit})", "lines"]
-    _print_table(headings, [_row_cells(row) for row in rows])
-    if len(rows) < len(loaded.source.rows):
-        typer.echo(f"{len(loaded.source.rows) - len(rows)} more points: --limit 0 shows all")
-    print_remarks(loaded)
-
-
-def explain_text(loaded: LoadedTable, explanation: Explanation) -> None:
-    """Print for a person what a table does at one position."""
-    table = loaded.table
+def explained(explanation: Explanation) -> "Iterator[RenderableType]":
+    """Yield for a person what a table does at one position."""
+    loaded, table = explanation.loaded, explanation.loaded.table
     unit = table.units.value
-    typer.echo(
+    yield (
         f"{loaded.file}: {loaded.format}, {len(table.positions)} points from {table.first:g} to "
         f"{table.last:g} {unit}"
     )
     if explanation.outside:
-        typer.echo(
+        yield (
             f"{explanation.at:g} {unit} is outside the table, {explanation.outside.value} it: the axis's "
             "'outside' policy decides; hold (the default) gives the end values below"
         )
@@ -95,15 +93,15 @@ def explain_text(loaded: LoadedTable, explanation: Explanation) -> None:
         "forward (towards greater positions)",
         "backward (towards smaller positions)",
     )
-    _print_table(headings, rows, right=False)
-    print_remarks(loaded)
+    yield _table(headings, rows, right=False)
+    yield from remarks(loaded)
 
 
-def print_remarks(loaded: LoadedTable) -> None:
-    """Print how open questions were settled, what the control did besides the table, and every lint."""
-    print_lines(f"decided: {decision}" for decision in loaded.source.decisions)
-    print_lines(f"to do as its control did, for the axis: {line}" for line in loaded.source.behaves_as)
-    print_lines(finding_line(loaded.file, lint) for lint in loaded.lints)
+def remarks(loaded: LoadedTable) -> Iterator[str]:
+    """Yield how open questions were settled, what the control did besides the table, and every lint."""
+    yield from (f"decided: {decision}" for decision in loaded.source.decisions)
+    yield from (f"to do as its control did, for the axis: {line}" for line in loaded.source.behaves_as)
+    yield from (lint.line_in(loaded.file) for lint in loaded.lints)
 
 
 def _direction_cells(
@@ -142,8 +140,7 @@ def _row_cells(row: SourceRow) -> Sequence[str]:
     )
 
 
-def _print_table(headings: Sequence[str], rows: Iterable[Sequence[str]], *, right: bool = True) -> None:
-    from rich.console import Console
+def _table(headings: Sequence[str], rows: Iterable[Sequence[str]], *, right: bool = True) -> "RenderableType":
     from rich.table import Table
     from rich.text import Text
 
@@ -152,8 +149,7 @@ def _print_table(headings: Sequence[str], rows: Iterable[Sequence[str]], *, righ
         table.add_column(Text(heading), justify="right" if right else "left")
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
-    console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH)
-    console.print(table)
+    return table
 
 
 def _with_unit(number: float, unit: str) -> str:
@@ -169,18 +165,17 @@ def _plain(item: Any) -> str:
 # --- results of readings ----------------------------------------------------------------------------------
 
 
-def results_text(
+def results_lines(
     before: Evaluation,
     after: Evaluation | None,
     titles: tuple[str, str],
     *,
     left_out: LeftOut | None = None,
-) -> None:
-    """Print the results for a person, with the share that is left; ``left_out`` is E between the points.
+) -> "Iterator[RenderableType]":
+    """Yield the results for a person, with the share that is left; ``left_out`` is E between the points.
 
     Beside it stands that the predicted figures are those at the targets.
     """
-    from rich.console import Console
     from rich.table import Table
 
     unit = before.units.value
@@ -205,12 +200,10 @@ def results_text(
         table.add_row(f"{name}  {meaning}", *cells, *(left if comparable else ("–" for _ in left)))
         if name == "E" and is_predicted:
             table.add_row(*_between_row(before, left_out, digits))
-    Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH).print(table)
-    for line in dict.fromkeys(missing_line(each) for each in shown_all):
-        if line:
-            typer.echo(line)
+    yield table
+    yield from filter(None, dict.fromkeys(missing_line(each) for each in shown_all))
     if left_out is not None:
-        typer.echo(left_out_line(before, left_out))
+        yield left_out_line(before, left_out)
 
 
 def _between_row(before: Evaluation, left_out: LeftOut | None, digits: int) -> list[str]:

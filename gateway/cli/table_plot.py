@@ -1,18 +1,22 @@
 """``pitch-gateway table plot``: the pictures of a table, as a file to look at or to hand on."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Final
 
 import typer
 
-from gateway.cli import table_output as output
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
-from gateway.cli.output import print_json
-from gateway.cli.readings_options import Readings, ReadingsFormat, ReadingsRuns, with_readings
-from gateway.cli.table_options import AsJson, Counts, Told
-from gateway.cli.table_reading import inspect, problems, usage
-from gateway.report.errors import ReportError
+from gateway.cli.output import Format, show
+from gateway.cli.readings_options import ScrewOptions
+from gateway.cli.table_options import AsJson, Counts, Force, Told
+from gateway.cli.table_reading import inspect, problems
+from gateway.compensation.table import CorrectionTable
+from gateway.metrology.formats import ReadingsContext, Runs, read_survey
+from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, merged
+from gateway.metrology.residue import LeftOut, predicted_residue
 from gateway.report.story import AxisStory, Report
 from gateway.report.words import shortest
 from gateway.report.writing import check_place, place, render
@@ -20,6 +24,36 @@ from gateway.tabfile import LoadedTable, axis_of_name
 
 STDOUT: Final = Path("-")
 DEFAULT_SUFFIX: Final = ".png"
+
+
+@dataclass(frozen=True, slots=True)
+class PlotOptions:
+    """What is drawn."""
+
+    told: Told = field(default_factory=Told)
+    counts_per_unit: Counts = None
+    readings: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="READINGS",
+            help="Readings that were taken WITHOUT the table, drawn with what it would leave of them; "
+            "again for more files.",
+            readable=False,
+        ),
+    ] = None
+    readings_format: Annotated[
+        str | None,
+        typer.Option("--readings-format", metavar="NAME", help="Format of READINGS, where it is not plain."),
+    ] = None
+    runs: Annotated[
+        str | None,
+        typer.Option(
+            "--runs",
+            metavar="alternate|forward|backward",
+            help="Directions of the runs of a file that does not prove them.",
+        ),
+    ] = None
+    force: Force = False
 
 
 @takes_options
@@ -35,12 +69,7 @@ def plot(
         ),
     ] = None,
     *,
-    told: Told,
-    counts_per_unit: Counts = None,
-    readings: Readings = None,
-    readings_format: ReadingsFormat = None,
-    runs: ReadingsRuns = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite OUT.")] = False,
+    options: PlotOptions,
     json: AsJson = False,
 ) -> None:
     """Draw a table: forward and backward corrections, backlash, slope; with READINGS also what it does.
@@ -59,42 +88,47 @@ def plot(
     """
     if json and out == STDOUT:
         raise typer.BadParameter("standard output takes one of both: SVG or JSON", param_hint="--json")
-    with usage(), problems():
-        loaded = inspect(file, told.context(counts_per_unit))
-    story = story_of(loaded, told.axis)
-    if readings:
-        story = with_readings(story, readings, readings_format, runs)
-    write(story, file, out, force=force, json=json)
-
-
-def write(story: AxisStory, file: Path, out: Path | None, *, force: bool, json: bool) -> None:
-    """Write the report of one axis, or print it; one line says what was written."""
-    report = Report(f"Correction table {file.name}", (story,), "")
-    where = out or file.with_name(file.name + DEFAULT_SUFFIX)
-    try:
-        if where == STDOUT:
+    with problems():
+        loaded = inspect(file, options.told.context(options.counts_per_unit))
+        story = story_of(loaded, options.told.axis)
+        if options.readings:
+            story = _with_readings(story, options)
+        report = Report(f"Correction table {file.name}", (story,), "")
+        if out == STDOUT:
             typer.echo(render(report, ".svg").decode(), nl=False)
             return
-        check_place(where, force=force)
+        where = out or file.with_name(file.name + DEFAULT_SUFFIX)
+        check_place(where, force=options.force)
         content = render(report, where.suffix.lower())
-        place(where, content, force=force)
-    except ReportError as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(1) from None
-    if json:
-        print_json(
-            {
-                "file": str(file),
-                "out": str(where),
-                "kind": where.suffix.lower().removeprefix("."),
-                "bytes": len(content),
-                "axis": story.axis,
-                "units": story.units.value,
-                "points": len(story.table.positions) if story.table else 0,
-            }
-        )
-    else:
-        typer.echo(f"{where}: {len(content)} bytes")
+        place(where, content, force=options.force)
+    show(_Plotted(file, where, story, len(content)), Format.INDENTED if json else Format.TEXT)
+
+
+@dataclass(frozen=True, slots=True)
+class _Plotted:
+    """The report of one axis, as it was written."""
+
+    file: Path
+    out: Path
+    story: AxisStory
+    size: int
+    """Bytes."""
+
+    def as_data(self) -> dict[str, object]:
+        """Return it as plain data."""
+        return {
+            "file": str(self.file),
+            "out": str(self.out),
+            "kind": self.out.suffix.lower().removeprefix("."),
+            "bytes": self.size,
+            "axis": self.story.axis,
+            "units": self.story.units.value,
+            "points": len(self.story.table.positions) if self.story.table else 0,
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words."""
+        yield f"{self.out}: {self.size} bytes"
 
 
 def story_of(loaded: LoadedTable, axis: str | None) -> AxisStory:
@@ -110,6 +144,45 @@ def story_of(loaded: LoadedTable, axis: str | None) -> AxisStory:
     }
     notes = (
         *(f"decided: {decision}" for decision in loaded.source.decisions),
-        *(output.finding_line(Path(loaded.file).name, lint) for lint in loaded.lints),
+        *(lint.line_in(Path(loaded.file).name) for lint in loaded.lints),
     )
     return AxisStory(name, table.units, table, facts=facts, notes=notes)
+
+
+def _with_readings(story: AxisStory, options: PlotOptions) -> AxisStory:
+    """Return the story of a table with readings before, and what the table is predicted to leave of them.
+
+    Raises:
+        BadParameter: ``--runs`` is no way of making them.
+        TabFileError, MetrologyError: the files are no readings of this axis.
+    """
+    table = story.table
+    assert table is not None, "the story of a table has one"
+    names = [each.value for each in Runs]
+    if options.runs is not None and options.runs not in names:
+        raise typer.BadParameter(f"{options.runs!r}: must be one of {', '.join(names)}", param_hint="--runs")
+    runs = None if options.runs is None else Runs(options.runs)
+    context = ReadingsContext(options.readings_format, None, None, runs)
+    before = merged([read_survey(file, context) for file in options.readings or ()]).in_units(story.units)
+    check_same_axis(before.source, before.axis, "the table", story.axis)
+    check_uncorrected(before.source, before.facts, "draw the table without them, or give those before it")
+    after = predicted_residue(before, table)
+    return replace(
+        story,
+        before=before,
+        after=after,
+        is_predicted=True,
+        left_out=_left_out(before, table),
+        facts={**before.facts, **story.facts, "readings": before.source},
+        notes=(*story.notes, *after.remarks),
+    )
+
+
+def _left_out(survey: Survey, table: CorrectionTable) -> LeftOut | None:
+    """Return E that a table will leave between the targets; None where there are too few to tell."""
+    from gateway.metrology.screw import LEAST_TARGETS, MOST_TARGETS, screw_of
+
+    periods = ScrewOptions().periods(survey)
+    if not LEAST_TARGETS <= len({each.target for each in survey.readings}) <= MOST_TARGETS:
+        return None
+    return screw_of(survey.readings, survey.units, periods).left_out(table)

@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli import survey_files as shared
+from gateway.cli.table_options import Force
+from gateway.cli.table_reading import problems
+from gateway.commissioning.tables import write_file
 from gateway.compensation.units import Units
-from gateway.metrology import program as maths
+from gateway.metrology import cycle as maths
 
 
 class Kind(Enum):
@@ -61,7 +63,7 @@ def program(
     ] = None,
     axis: Annotated[str, typer.Option("--axis", metavar="LETTER", help="The axis.")] = "X",
     units: Annotated[Units, typer.Option("--units", help="Units of all lengths.")] = Units.MM,
-    force: shared.Force = False,
+    force: Force = False,
 ) -> None:
     """Write a program for the control, or a list of targets, for a measurement.
 
@@ -77,7 +79,7 @@ def program(
       pitch-gateway table program targets.txt --from 0 --to 500 --targets 21 --write list --seed 7
     """
     _check(kind, step, targets, travel)
-    with shared.problems():
+    with problems():
         stops = _Targets(low, high, step, targets, seed, spread).stops(kind, units)
         cycle = maths.Cycle(
             axis=axis,
@@ -95,7 +97,7 @@ def program(
         if out is None:
             typer.echo(text, nl=False)
         else:
-            shared.write_file(out, text, force=force)
+            write_file(out, text, force=force)
             _say_written(out, stops, maths.DECIMALS[units])
 
 
@@ -146,7 +148,7 @@ def _text(kind: Kind, stops: list[float], cycle: maths.Cycle, travel: tuple[floa
     if kind is Kind.LIST:
         maths.check_targets(stops, cycle.units, travel)
         return "".join(f"{maths.fixed(stop, maths.DECIMALS[cycle.units])}\n" for stop in stops)
-    return maths.bidirectional_cycle(stops, cycle, travel)
+    return maths.cycle_program(stops, cycle, travel)
 
 
 def _say_written(out: Path, stops: list[float], decimals: int) -> None:

@@ -4,12 +4,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn
 
 import typer
 
 from gateway.cli.output import print_lines
+from gateway.compensation.errors import TableError
 from gateway.compensation.units import Units
+from gateway.metrology.errors import MetrologyError
 from gateway.tabfile import (
     ContextError,
     FileContext,
@@ -41,24 +42,18 @@ def inspect(file: Path, context: FileContext) -> LoadedTable:
 
 
 @contextmanager
-def usage() -> Iterator[None]:
-    """Turn facts that cannot be true into wrong usage (exit code 2)."""
+def problems() -> Iterator[None]:
+    """Turn what cannot be had of files into lines on stderr and exit code 1.
+
+    What was told of a file and cannot be true is wrong usage (exit code 2).
+    """
     try:
         yield
     except ContextError as error:
         raise typer.BadParameter(str(error)) from error
-
-
-@contextmanager
-def problems() -> Iterator[None]:
-    """Turn a bad file into one line a problem on stderr and exit code 1."""
-    try:
-        yield
     except TabFileError as error:
-        fail(error)
-
-
-def fail(error: TabFileError) -> NoReturn:
-    """Print the problems of a file, one line each on stderr, and end with exit code 1."""
-    print_lines((f"error: {problem}" for problem in error.problems), err=True)
-    raise typer.Exit(1) from None
+        print_lines((f"error: {problem}" for problem in error.problems), err=True)
+        raise typer.Exit(1) from None
+    except (MetrologyError, TableError, ValueError) as error:
+        print_lines([f"error: {error}"], err=True)
+        raise typer.Exit(1) from None

@@ -8,6 +8,8 @@ from typing import Annotated, Final
 
 import typer
 
+from gateway.files import create
+
 BYTES: Final = 32
 """256 bits, 43 characters in base64."""
 MODE: Final = 0o600
@@ -57,7 +59,7 @@ def _write(file: Path, text: str, *, force: bool) -> None:
         OSError: it cannot be written.
     """
     new = file.with_name(f".{file.name}.{os.getpid()}.new")
-    descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, MODE)
+    descriptor = create(new, MODE)
     try:
         with os.fdopen(descriptor, "w") as writing:
             if force:

@@ -24,9 +24,17 @@ from cryptography.hazmat.primitives.serialization import (
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from gateway.files import FileRefusedError, read_regular_file
+from gateway.files import FileRefusedError, create, read_regular_file
 from gateway.state.folder import write_whole
-from gateway.transport.certificates import ROLE_OID, Facts, list_ends, read_facts, write_role
+from gateway.transport.certificates import (
+    LARGEST_FILE,
+    ROLE_OID,
+    Facts,
+    day,
+    list_ends,
+    read_facts,
+    write_role,
+)
 
 AUTHORITY_DAYS: Final = 3650
 LEAF_DAYS: Final = 825
@@ -169,8 +177,6 @@ def _usage(*, signs: bool) -> x509.KeyUsage:
 
 AUTHORITY: Final = "ca"
 LIST_NAME: Final = "crl.pem"
-LARGEST: Final = 4_000_000
-"""Bytes."""
 KEY_MODE: Final = 0o600
 CERTIFICATE_MODE: Final = 0o644
 FOLDER_MODE: Final = 0o700
@@ -205,7 +211,7 @@ def read_authority(folder: Path, now: datetime) -> Signed:
     """
     paths = folder / f"{AUTHORITY}.pem", folder / f"{AUTHORITY}.key"
     try:
-        content, key_content = (read_regular_file(path, LARGEST, "an authority") for path in paths)
+        content, key_content = (read_regular_file(path, LARGEST_FILE, "an authority") for path in paths)
         certificate = x509.load_pem_x509_certificate(content)
         key = load_pem_private_key(key_content, None)
     except FileRefusedError as error:
@@ -218,7 +224,7 @@ def read_authority(folder: Path, now: datetime) -> Signed:
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise FolderError(f"{paths[1]}: not a key that this command made; use the tool that made it")
     if certificate.not_valid_after_utc <= now:
-        ended = certificate.not_valid_after_utc.date().isoformat()
+        ended = day(certificate.not_valid_after_utc)
         raise FolderError(f"{paths[0]} expired on {ended}; make a new authority in another folder")
     return Signed(certificate, key)
 
@@ -251,7 +257,7 @@ def revoke(folder: Path, name: str, now: datetime) -> Path:
     authority = read_authority(folder, now)
     path, list_path = folder / f"{name}.pem", folder / LIST_NAME
     try:
-        certificate = x509.load_pem_x509_certificate(read_regular_file(path, LARGEST, "a certificate"))
+        certificate = x509.load_pem_x509_certificate(read_regular_file(path, LARGEST_FILE, "a certificate"))
         before = _revoked(list_path)
         certificate.verify_directly_issued_by(authority.certificate)
     except FileRefusedError as error:
@@ -272,7 +278,7 @@ def revoke(folder: Path, name: str, now: datetime) -> Path:
 def _revoked(path: Path) -> list[tuple[int, datetime]]:
     if not path.exists():
         return []
-    content = read_regular_file(path, LARGEST, "a list of revoked certificates")
+    content = read_regular_file(path, LARGEST_FILE, "a list of revoked certificates")
     return [(each.serial_number, each.revocation_date_utc) for each in x509.load_pem_x509_crl(content)]
 
 
@@ -285,7 +291,7 @@ def _refuse_existing(folder: Path, name: str) -> None:
 
 def _write_new(path: Path, content: bytes, mode: int) -> None:
     try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+        descriptor = create(path, mode)
         with open(descriptor, "wb") as file:  # noqa: PTH123 - a descriptor
             os.fchmod(file.fileno(), mode)  # whatever the umask takes away or leaves
             file.write(content)
@@ -350,7 +356,7 @@ def _lines(facts: Facts, now: datetime) -> Iterator[str]:
     if facts.hosts:
         yield f"  hosts   {', '.join(facts.hosts)}"
     days = f"{left} days left" if left >= 0 else "expired"
-    yield f"  good    from {facts.begins.isoformat()[:10]} until {facts.ends.isoformat()[:10]} ({days})"
+    yield f"  good    from {day(facts.begins)} until {day(facts.ends)} ({days})"
     yield f"  key     {facts.key}{', too weak: ' + facts.weakness if facts.weakness else ''}"
     yield f"  serial  {facts.serial}"
     yield f"  signed  by {facts.issuer}"

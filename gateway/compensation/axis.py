@@ -6,6 +6,7 @@ accepted the target. Between the two nothing has happened, and a refused target 
 
 from typing import Final
 
+from gateway.catalogue import refusals
 from gateway.compensation.blend import share_of, towards
 from gateway.compensation.correction_map import IDENTITY, CorrectionMap
 from gateway.compensation.correction_spec import (
@@ -641,16 +642,16 @@ class AxisCompensation:
     def _check_covered(self, state: State, position: float) -> None:
         curve = state.spec.curve
         if self._refuses_outside and curve and not curve.covers(position):
-            raise OutOfTableError(
-                f"machine position {position:.6g} lies outside the table "
-                f'({curve.table.first:g} to {curve.table.last:g}) and outside = "refuse"'
-            )
+            first, last = curve.table.first, curve.table.last
+            raise OutOfTableError(refusals.OUTSIDE_TABLE.sentence(position=position, first=first, last=last))
 
     def _check_travel(self, position: float, correction: float) -> None:
         corrected = position + correction
         if self.settings.travel is not None and not self._lowest <= corrected <= self._highest:
             low, high = self.settings.travel
+            margin, units = self.settings.travel_margin, self.settings.units.value
             raise OutsideTravelError(
-                f"corrected machine position {corrected:.6g} leaves the travel {low:g} to {high:g} "
-                f"by more than travel_margin = {self.settings.travel_margin:g} {self.settings.units.value}"
+                refusals.OUTSIDE_TRAVEL.sentence(
+                    position=corrected, low=low, high=high, margin=margin, units=units
+                )
             )

@@ -21,14 +21,13 @@ from gateway.secret_files import (
     secret_path,
 )
 from gateway.transport.certificates import (
-    LARGEST_FILE,
     TlsFileError,
     list_ends,
     list_problem,
     read_facts,
     time_problem,
 )
-from gateway.transport.tls import bare_server_context, load_revoked, reason_of
+from gateway.transport.tls import bare_server_context, check_pem, load_revoked, reason_of
 
 # --- Files that a configuration names beside its tables: secrets and certificates
 
@@ -108,31 +107,17 @@ def read_secret_line(key: KeyPath, name: str, folder: Path, what: str) -> str:
     return secret
 
 
-def certificates_path(key: KeyPath, name: str, folder: Path) -> Path:
-    """Return the path of a file in PEM that can be read.
+def pem_path(key: KeyPath, name: str, folder: Path) -> Path:
+    """Return the path of a file in PEM that can be read; a private key not by every user.
 
     Raises:
-        NamedFileError: it cannot.
+        NamedFileError: it is missing, no regular file, or every user may read the key.
     """
     path = path_of(key, name, folder)
     try:
-        read_regular_file(path, LARGEST_FILE, "a file in PEM")
-    except FileRefusedError as error:
-        raise NamedFileError(key, f"{path}: {error.found}", error.remedy) from None
-    return path
-
-
-def key_path(key: KeyPath, name: str, folder: Path) -> Path:
-    """Return the path of a private key that can be read, and not by every user.
-
-    Raises:
-        NamedFileError: it is missing, no regular file, or every user may read it.
-    """
-    path = certificates_path(key, name, folder)
-    try:
-        refuse_open_to_others(path)
-    except FileRefusedError as error:
-        raise NamedFileError(key, f"{path}: {error.found}", error.remedy) from None
+        check_pem(str(key[-1]), path)
+    except TlsFileError as error:
+        raise NamedFileError(key, error.found, error.remedy) from None
     return path
 
 
@@ -143,8 +128,8 @@ def load_pair(context: ssl.SSLContext, key: KeyPath, names: tuple[str, str], fol
         NamedFileError: one of them cannot be read, every user may read the key, or they do not belong
             together.
     """
-    certificate = certificates_path(key, names[0], folder)
-    private_key = key_path((*key[:-1], "key"), names[1], folder)
+    certificate = pem_path(key, names[0], folder)
+    private_key = pem_path((*key[:-1], "key"), names[1], folder)
     try:
         # OpenSSL would ask a terminal for the password of an encrypted key.
         context.load_cert_chain(certificate, private_key, password=lambda: "")
@@ -200,10 +185,10 @@ def server_context(tls: HttpTlsSection, folder: Path, *, needs_client: bool) -> 
     context = bare_server_context()
     load_pair(context, (*TLS_KEY, "certificate"), (tls.certificate, tls.key), folder)
     if tls.clients is not None:
-        _trust(context, certificates_path((*TLS_KEY, "clients"), tls.clients, folder), tls.clients)
+        _trust(context, pem_path((*TLS_KEY, "clients"), tls.clients, folder), tls.clients)
         context.verify_mode = ssl.CERT_REQUIRED if needs_client else ssl.CERT_OPTIONAL
     if tls.revoked is not None:
-        _turn_away(context, certificates_path((*TLS_KEY, "revoked"), tls.revoked, folder))
+        _turn_away(context, pem_path((*TLS_KEY, "revoked"), tls.revoked, folder))
     return context
 
 
@@ -244,7 +229,7 @@ def tls_context(tls: TlsSection, folder: Path) -> ssl.SSLContext:
     """
     key = ("mqtt", "tls")
     # Without a name of our own the system's authorities hold; a file that is named replaces them.
-    authorities = None if tls.ca is None else certificates_path((*key, "ca"), tls.ca, folder)
+    authorities = None if tls.ca is None else pem_path((*key, "ca"), tls.ca, folder)
     try:
         context = ssl.create_default_context(cafile=None if authorities is None else os.fspath(authorities))
     except (ssl.SSLError, OSError) as error:

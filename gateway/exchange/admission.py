@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from typing import Final
 
+from gateway.catalogue import exchange_events
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.decode import AxisCommand
 from gateway.exchange.dispatch import Units
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.gate import UNSEEN, Denial, Gate
 from gateway.exchange.ownership import Ownership
 from gateway.exchange.plan import ControllerPlan, Role
@@ -116,7 +117,7 @@ class Admission:
         )
         key = f" ({denial.key})" if denial.key else ""
         detail = f"{port.writer} was refused: {denial.detail}{key}{times(count)}"
-        self._on_event(Event(EventKind.REQUEST_REFUSED, None, detail, more))
+        self._on_event(Event(exchange_events.REQUEST_REFUSED, None, detail, more))
 
     def refuse(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
         """Answer a request that is not allowed; only who may move something can lose it (M3)."""

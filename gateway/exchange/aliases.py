@@ -12,6 +12,8 @@ them.
 from collections.abc import Collection, Iterable
 from typing import Final
 
+from gateway.catalogue import refusals
+from gateway.catalogue.entry import RefusalEntry
 from gateway.drives.motion import Action
 from gateway.exchange.access import access_of, coils_written
 from gateway.exchange.decode import NO_ACCESS, AxisCommand, Frame, decode
@@ -78,23 +80,20 @@ class Aliases:
         return all(command.action in _HARMLESS and not command.hits for command in _commands(frames))
 
 
-def why_not_passed(aliases: Aliases, unit_id: int, pdu: bytes) -> str:
-    """Return why a request to a unit id without axes must not pass; empty when it may."""
+def why_not_passed(aliases: Aliases, unit_id: int, pdu: bytes) -> RefusalEntry | None:
+    """Return why a request to a unit id without axes must not pass; None when it may."""
     if aliases.is_serial:
         if unit_id == BROADCAST_UNIT_ID and _writes_position(aliases.frames(pdu)):
-            return "a broadcast cannot carry a position that each axis corrects differently"
+            return refusals.BROADCAST_POSITION
     elif unit_id in ANY_TCP_DRIVE:
         frames = aliases.frames(pdu)
         if _touches(frames) or _reads_position(frames):
-            return f"unit id {unit_id} is not mapped, and may reach an axis that is corrected"
+            return refusals.UNIT_NOT_MAPPED
     elif aliases.is_alone and aliases.is_unknown(unit_id):
         frames = aliases.frames(pdu)
         if _touches(frames) and not aliases.is_stop(pdu, frames):
-            return (
-                f"unit id {unit_id} has no axis, and a drive that does not look at unit ids would take this "
-                f"for its own, uncorrected; other_units = [{unit_id}] names another device"
-            )
-    return ""
+            return refusals.UNIT_WITHOUT_AXIS
+    return None
 
 
 def _touches(frames: Iterable[Frame]) -> bool:

@@ -7,7 +7,7 @@ from gateway.modbus.pdu import is_exception
 
 @dataclass(slots=True)
 class LineCounters:
-    """Numbers since the start."""
+    """Numbers since the start. ``status.line`` declares under the same name what each counts for users."""
 
     exchanges: int = 0
     timeouts: int = 0
@@ -34,8 +34,6 @@ class LineCounters:
     """Reads of positions that are not mapped: they pass as they are."""
     oversized: int = 0
     """Replies that are longer than a frame may be."""
-    malformed: int = 0
-    """Requests without a function code."""
     internal_faults: int = 0
     """Events that cannot be in the state of an axis in which they came: bugs of the gateway."""
 

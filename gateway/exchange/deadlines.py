@@ -7,14 +7,14 @@ which.
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from gateway.catalogue import exchange_events, refusals
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.dispatch import Units, is_acting_on
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.plan import Late
-from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.refusal import refused
 from gateway.exchange.transaction import Transaction
-from gateway.modbus.pdu import ExceptionCode
 from gateway.times import NS_PER_MS, NS_PER_S
 
 TOLD_EVERY_NS: Final = NS_PER_S
@@ -57,13 +57,15 @@ class Deadlines:
             return
         self._counters.late_targets += 1
         for axis in late:
-            detail = f"it waited {age_ms:.1f} ms, deadline_ms = {axis.plan.deadline_ms:g}"
+            name, deadline_ms = axis.plan.name, axis.plan.deadline_ms
             if axis.plan.late is Late.REJECT:
-                reason = f'{detail}: refused (late = "reject")'
-                raise RefusedRequestError(
-                    ExceptionCode.SERVER_DEVICE_BUSY, axis.plan.name, reason, EventKind.LATE_TARGET
+                raise refused(
+                    refusals.LATE, name, exchange_events.LATE_TARGET, age_ms=age_ms, deadline_ms=deadline_ms
                 )
             if now_ns - self._told_ns.get(axis.plan.name, -TOLD_EVERY_NS) >= TOLD_EVERY_NS:
                 self._told_ns[axis.plan.name] = now_ns
-                detail = f'{detail}: sent all the same (late = "forward")'
-                self._on_event(Event(EventKind.LATE_TARGET, axis.plan.name, detail))
+                detail = (
+                    f"it waited {age_ms:.1f} ms, deadline_ms = {deadline_ms:g}: sent all the same "
+                    '(late = "forward")'
+                )
+                self._on_event(Event(exchange_events.LATE_TARGET, axis.plan.name, detail))

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Final
 
+from gateway.catalogue import refusals
 from gateway.drives.motion import Action
 from gateway.exchange.access import HEAD_BYTES, access_of, coils_written, is_cut_short
 from gateway.exchange.added_frames import AddedFrame
@@ -14,11 +15,11 @@ from gateway.exchange.group import next_of_groups, settle_group, settle_groups
 from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
 from gateway.exchange.prepare import prepare
 from gateway.exchange.prerequisites import next_frame, run_beside_stop
-from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.refusal import refused
 from gateway.exchange.request import NOTHING_KNOWN, has_a_stop, understand
 from gateway.exchange.transaction import FastPath, Transaction
 from gateway.exchange.unit import UnitMap
-from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode
+from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
 REMEMBERED_PATHS: Final = 4096
 """Heads of requests whose fast path is remembered; a controller uses a few dozen."""
@@ -173,15 +174,11 @@ class Units:
         port = transaction.port
         may_be_short = transaction.is_odd and port is not None and port.ends_by_silence
         if is_cut_short(transaction.pdu) and not may_be_short and not self.stops_of(frames):
-            raise RefusedRequestError(
-                ExceptionCode.ILLEGAL_DATA_VALUE,
-                "",
-                "a request that is shorter than its function code asks for: no drive can make sense of it",
-            )
+            raise refused(refusals.TOO_SHORT, "")
         if transaction.unit_id not in self._units and not (self.have_rules and self.stops_of(frames)):
-            reason = why_not_passed(self.aliases, transaction.unit_id, transaction.pdu)
-            if reason:
-                raise RefusedRequestError(ExceptionCode.GATEWAY_PATH_UNAVAILABLE, "", reason)
+            refusal = why_not_passed(self.aliases, transaction.unit_id, transaction.pdu)
+            if refusal is not None:
+                raise refused(refusal, "", unit_id=transaction.unit_id)
         known = transaction.knowledge() if self.have_rules else transaction.known or NOTHING_KNOWN
         requests = []
         for frame in frames:

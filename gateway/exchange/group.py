@@ -11,6 +11,7 @@ not allowed the first trigger is refused, and nothing moves.
 
 from collections.abc import Iterable, Sequence
 
+from gateway.catalogue import exchange_events, refusals
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_word
 from gateway.exchange.axis.acknowledge import Outcome
@@ -19,13 +20,11 @@ from gateway.exchange.axis.beam import Beam, BeamEvent, Fixed
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.axis.registers import JOIN_NS
 from gateway.exchange.decode import AxisCommand
-from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
-from gateway.exchange.prepare import check_may_act, may_run_distances
+from gateway.exchange.prepare import check_may_act, may_run_distances, target_lost
 from gateway.exchange.prerequisites import read_for_staged, render_run, restage_for_run, staged_words
-from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.refusal import RefusedRequestError, refused
 from gateway.exchange.request import Request, written_part
-from gateway.modbus.pdu import ExceptionCode
 
 
 def join_groups(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
@@ -72,7 +71,7 @@ def leave_in_group(command: AxisCommand, now_ns: int) -> None:
                 member.keep_no_other_words()
         if not is_first and beam.has_put_off and axis.fixed is not None and not axis.fixed.has_gone:
             detail = f"it goes as {beam.led_by} has gone; what was asked for since comes into force then"
-            axis.tell(EventKind.GROUP_HELD, detail)
+            axis.tell(exchange_events.GROUP_HELD, detail)
         beam.happens(BeamEvent.LEFT)
 
 
@@ -167,7 +166,7 @@ def _tell_unproven_first(axis: Axis, beam: Beam, code: int) -> None:
         f"its trigger was sent, and the drive may have obeyed it (exception {code:#04x}): the skew is "
         "not known"
     )
-    axis.tell(EventKind.GROUP_SKEWED, detail)
+    axis.tell(exchange_events.GROUP_SKEWED, detail)
 
 
 def note_skew(axis: Axis, code: int) -> None:
@@ -189,7 +188,7 @@ def note_skew(axis: Axis, code: int) -> None:
     names, units = " and ".join(member.plan.name for member in gone), axis.plan.settings.units.value
     by = "by a way that nobody knows" if skew is None else f"by {skew:+.6g} {units}"
     detail = f"{names} has gone, and its own target was refused (exception {code:#04x}): skewed {by}"
-    axis.tell(EventKind.GROUP_SKEWED, detail)
+    axis.tell(exchange_events.GROUP_SKEWED, detail)
 
 
 def _way_in_group(axis: Axis) -> float | None:
@@ -339,13 +338,8 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
     if number is None or words is None or is_torn:
         may_pass = axis.passes_unchanged or motion.passes_stored_moves
         if (axis.holds_unrun or is_torn) and not may_pass:
-            raise RefusedRequestError(
-                ExceptionCode.SERVER_DEVICE_FAILURE,
-                axis.plan.name,
-                "the first trigger of its group is refused, for this axis could not follow: its target was "
-                "lost or forgotten, write it again",
-                EventKind.STORED_MOVE,
-            )
+            why = "its target was lost or forgotten, write it again"
+            raise refused(refusals.GROUP_CANNOT_FOLLOW, axis.plan.name, exchange_events.STORED_MOVE, why=why)
         return None
     if not axis.holds_unrun and axis.motion.state is not MotionState.STOPPED:
         return None  # it has run that
@@ -354,9 +348,7 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
     except RefusedRequestError as refusal:
         if not axis.holds_unrun:
             return None
-        reason = (
-            f"the first trigger of its group is refused, for this axis could not follow: {refusal.reason}"
-        )
+        reason = refusals.GROUP_CANNOT_FOLLOW.sentence(why=refusal.reason)
         raise RefusedRequestError(refusal.code, refusal.axis, reason, refusal.kind) from refusal
 
 
@@ -369,10 +361,7 @@ def _prepare_staged(
         mode, action = axis.plan.motion.mode(number), first
         lost_mode = axis.rules.lost_mode(number)
         if lost_mode is not None:
-            reason = (
-                "a trigger, but a target, its mode or a part of it was lost before: write all of it again"
-            )
-            raise RefusedRequestError(lost_mode, name, reason, EventKind.AXIS_BLOCKED)
+            raise target_lost(lost_mode, name)
         if mode is None:
             action = action if may_run_distances(axis) else Action.ABSOLUTE
         elif mode.is_in_frame:

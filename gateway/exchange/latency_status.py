@@ -6,15 +6,20 @@ in turn.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from operator import add
 from typing import Final
 
+from msgspec import UNSET
+
 from gateway.exchange.latency import below_bounds, percentiles_ns, running_totals
 from gateway.exchange.meter import LineMeter, Measured
+from gateway.status.axis import AxisTimes
+from gateway.status.line import ControllerStatus, LineStatus
+from gateway.status.times import NOT_WORKED_OUT, Figures, GatewayTimes
 from gateway.times import NS_PER_S, NS_PER_US
 
-SHARES: Final = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
+SHARES: Final = (0.5, 0.99, 0.999)
 BOUNDS_US: Final = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 """Of the histogram of gateway time that the status shows; the budget lies in the middle of them."""
 STEPS: Final = 3
@@ -25,8 +30,6 @@ wanted; the others are null until it is their turn."""
 
 BOUNDS_NS: Final = tuple(int(bound_us * NS_PER_US) for bound_us in BOUNDS_US)
 
-Figures = Mapping[str, float | None]
-UNKNOWN: Final[Figures] = dict.fromkeys(("p50", "p99", "p999"))
 Pick = Callable[[Measured], Iterable[int] | None]
 
 PARTS: Final[dict[str, Pick]] = {
@@ -65,41 +68,48 @@ class LatencyStatus:
         for _ in range(STEPS if self._turn else 0):
             self._step()
 
-    def line(self) -> dict[str, object]:
-        """Return the line's part."""
+    def fill_line(self, status: LineStatus) -> None:
+        """Enter the line's part."""
         meter = self._meter
-        return {
-            **self._shown("line", ""),
-            "budget_overruns": meter.overruns,
-            "wire_s": round(meter.wire_ns / NS_PER_S, 6),
-            "added_frames_s": round(meter.added_ns / NS_PER_S, 6),
-        }
+        self._fill(status, "line", "")
+        status.budget_overruns = meter.overruns
+        status.wire_s = round(meter.wire_ns / NS_PER_S, 6)
+        status.added_frames_s = round(meter.added_ns / NS_PER_S, 6)
 
-    def controller(self, name: str) -> dict[str, object]:
-        """Return a controller's part."""
-        return self._shown("controller", name)
+    def fill_controller(self, status: ControllerStatus) -> None:
+        """Enter a controller's part."""
+        self._fill(status, "controller", status.name)
 
-    def axis(self, name: str) -> dict[str, object]:
+    def axis(self, name: str) -> AxisTimes:
         """Return an axis's part: of all transactions with its unit id."""
         budget = self._meter.axes[name]
-        return {
-            **self._shown("axis", name),
-            "budget_us": budget.budget_ns / NS_PER_US,
-            "budget_overruns": budget.overruns,
-            "is_over_budget": budget.is_over,
-        }
+        status = AxisTimes(
+            budget_us=budget.budget_ns / NS_PER_US,
+            budget_overruns=budget.overruns,
+            is_over_budget=budget.is_over,
+        )
+        self._fill(status, "axis", name)
+        return status
 
-    def _shown(self, kind: str, name: str) -> dict[str, object]:
-        shown: dict[str, object] = {part: self._of((kind, name, part)) for part in PARTS}
-        marks = [measured.high for measured in self._pairs_of(kind, name)]
+    def _fill(self, status: LineStatus | ControllerStatus | AxisTimes, kind: str, name: str) -> None:
+        status.gateway_us = self._gateway_times(kind, name)
+        status.request_us = self._of((kind, name, "request_us"))
+        status.reply_us = self._of((kind, name, "reply_us"))
+        status.drive_us = self._of((kind, name, "drive_us"))
+        status.queue_us = self._of((kind, name, "queue_us"))
+
+    def _gateway_times(self, kind: str, name: str) -> GatewayTimes:
         key = (kind, name, "gateway_us")
-        shown["gateway_us"] = {
-            **self._of(key),
-            "max": round(max((mark.ever_ns for mark in marks), default=0) / NS_PER_US, 1),
-            "max_minute": round(max((mark.minute_ns for mark in marks), default=0) / NS_PER_US, 1),
-            **({"below": self._below[key]} if key in self._below else {}),
-        }
-        return shown
+        figures = self._of(key)
+        marks = [measured.high for measured in self._pairs_of(kind, name)]
+        return GatewayTimes(
+            p50=figures.p50,
+            p99=figures.p99,
+            p999=figures.p999,
+            max=round(max((mark.ever_ns for mark in marks), default=0) / NS_PER_US, 1),
+            max_minute=round(max((mark.minute_ns for mark in marks), default=0) / NS_PER_US, 1),
+            below=self._below.get(key, UNSET),
+        )
 
     def _of(self, key: Key) -> Figures:
         if key in self._figures:
@@ -107,10 +117,10 @@ class LatencyStatus:
         columns = self._columns(key)
         if len(columns) > 1 or self._at_first:
             self._turn.append(key)
-            self._figures[key] = UNKNOWN if len(columns) > 1 else self._worked_out(key, columns)
+            self._figures[key] = NOT_WORKED_OUT if len(columns) > 1 else self._worked_out(key, columns)
             self._at_first -= len(columns) <= 1
             return self._figures[key]
-        return UNKNOWN
+        return NOT_WORKED_OUT
 
     def _step(self) -> None:
         """Begin with the next figures, or go on adding for those that are in hand."""
@@ -130,15 +140,16 @@ class LatencyStatus:
     def _worked_out(self, key: Key, columns: Sequence[Iterable[int]]) -> Figures:
         """Return the percentiles, 0 of none; of the gateway time of lines and axes keep the histogram too."""
         if not columns:
-            return dict.fromkeys(SHARES, 0.0)
+            return Figures(p50=0.0, p99=0.0, p999=0.0)
         totals = running_totals(columns[0])
         if key[0] != "controller" and key[2] == "gateway_us":
             self._below[key] = below_bounds(totals, BOUNDS_NS)
-        found = percentiles_ns(totals, tuple(SHARES.values()))
+        found = percentiles_ns(totals, SHARES)
         if key[2] == "gateway_us":  # the middle of a bucket may lie above the highest time in it
             highest_ns = max((pair.high.ever_ns for pair in self._pairs_of(key[0], key[1])), default=0)
             found = [min(ns, highest_ns) for ns in found]
-        return {share: round(ns / NS_PER_US, 1) for share, ns in zip(SHARES, found, strict=True)}
+        p50, p99, p999 = [round(ns / NS_PER_US, 1) for ns in found]
+        return Figures(p50=p50, p99=p99, p999=p999)
 
     def _columns(self, key: Key) -> list[Iterable[int]]:
         kind, name, part = key

@@ -14,8 +14,9 @@ Decided elsewhere is whether a frame leaves and how its request ends (``transact
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Final
+from typing import Final
 
+from gateway.catalogue import exchange_events
 from gateway.compensation.table import CorrectionTable
 from gateway.compiled import mypyc_attr
 from gateway.exchange.added_frames import (
@@ -41,7 +42,7 @@ from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.decode import AxisCommand
 from gateway.exchange.dispatch import REMEMBERED_PATHS, Units
 from gateway.exchange.effects import leave
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.gate import Denial
 from gateway.exchange.group import join_groups, settle_group
 from gateway.exchange.link_state import LinkState
@@ -71,6 +72,8 @@ from gateway.exchange.turns import HAS_NO_TURN, Turns
 from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.lengths import is_odd_request
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, EXCEPTION_BIT, MAX_PDU, ExceptionCode, is_exception
+from gateway.status.axis import RivalsStatus
+from gateway.status.line import UnitIds
 from gateway.times import NS_PER_MS, NS_PER_S
 
 ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
@@ -190,7 +193,7 @@ class LineExchange:
                 gap_ns=gap_ns,
                 stored_units=other_units.unit_ids,
                 on_change=self._settle,
-                tell_no_gain=lambda why: on_event(Event(EventKind.CUT_THROUGH_OFF, None, why)),
+                tell_no_gain=lambda why: on_event(Event(exchange_events.CUT_THROUGH_OFF, None, why)),
                 tell_fault=self._transactions.tell_fault,
                 tap=tap,
             )
@@ -239,17 +242,16 @@ class LineExchange:
         return self.rest.owes_silence or self.silent_units.owes
 
     @property
-    def unit_ids(self) -> dict[str, Any]:
+    def unit_ids(self) -> UnitIds:
         """Unit ids that controllers have talked to, and the requests to those that nobody knows."""
         aliases = self._units.aliases
-        strangers = sorted(self._units.heard.difference(aliases.known))
-        return {
-            "heard": sorted(self._units.heard),
-            "strangers": strangers,
-            "requests": aliases.requests_by_name,
-        }
+        return UnitIds(
+            heard=sorted(self._units.heard),
+            strangers=sorted(self._units.heard.difference(aliases.known)),
+            requests=aliases.requests_by_name,
+        )
 
-    def unit_ids_status(self, now_ns: int) -> dict[str, Any]:
+    def unit_ids_status(self, now_ns: int) -> UnitIds:
         """Return whom controllers talk to, and how the drives of unit ids answer."""
         asked = {unit_id for unit_id in self._units.heard if unit_id != BROADCAST_UNIT_ID}
         shown = sorted(asked.union(axis.plan.unit_id for axis in self.axes))
@@ -257,14 +259,13 @@ class LineExchange:
         for controller, unit_id in sorted(self.silent_units.askers.union(self.meter.measured)):
             if unit_id >= 0:  # of others than the pairs that are measured apart
                 asked_by.setdefault(controller, []).append(unit_id)
-        return {
-            "axes": {axis.plan.name: axis.plan.unit_id for axis in self.axes},
-            **self.unit_ids,
-            "asked_by": asked_by,
-            "drives": {str(unit_id): self.silent_units.status(unit_id, now_ns) for unit_id in shown},
-        }
+        found = self.unit_ids
+        found.axes = {axis.plan.name: axis.plan.unit_id for axis in self.axes}
+        found.asked_by = asked_by
+        found.drives = {str(unit_id): self.silent_units.status(unit_id, now_ns) for unit_id in shown}
+        return found
 
-    def rivals_status(self, axis: str, now_ns: int) -> dict[str, object] | None:
+    def rivals_status(self, axis: str, now_ns: int) -> RivalsStatus | None:
         """Return who moves an axis beside its writer, or tries to; None: nobody does."""
         return self._ownership.rivals.status(axis, now_ns)
 
@@ -306,7 +307,6 @@ class LineExchange:
         why_given_up: str,
     ) -> None:
         if not len(pdu):
-            self.counters.malformed += 1
             return
         if port.is_serial and (self._transactions.current is not None or self._waiting.total):
             self._give_up(port, "its controller sent another request", now_ns)
@@ -428,7 +428,7 @@ class LineExchange:
     def note_standstill(self, gap_ns: int) -> None:
         """Report that nobody looked for a while."""
         detail = f"the relay stood still for {gap_ns / NS_PER_S:.2f} s; what controllers gave up is not sent"
-        self._on_event(Event(EventKind.STOOD_STILL, None, detail))
+        self._on_event(Event(exchange_events.STOOD_STILL, None, detail))
 
     def command(
         self, command: Command, now_ns: int, tables: Sequence[CorrectionTable] = ()
@@ -615,7 +615,7 @@ class LineExchange:
         elif unit_id >= 0 and self._link.is_serial and self._transactions.current is None and not is_awaited:
             self.rest.drain(now_ns)
             detail = f"a frame that answers nothing: waiting for {self.rest.drain_ms:g} ms of silence"
-            self._on_event(Event(EventKind.LATE_REPLY, None, detail))
+            self._on_event(Event(exchange_events.LATE_REPLY, None, detail))
         if unit_id >= 0 and self.silent_units.silences:
             self.silent_units.hear(unit_id, now_ns)
         if is_awaited and self._transactions.current is None:
@@ -852,7 +852,7 @@ class LineExchange:
 
     def _tell_refusal(self, refusal: RefusedRequestError, now_ns: int) -> None:
         """Tell why a request was refused, and of many like it how many there were."""
-        count = self._refusals.due((refusal.kind.value, refusal.axis), now_ns)
+        count = self._refusals.due((refusal.kind.name, refusal.axis), now_ns)
         if count:
             self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason + times(count)))
 
@@ -861,7 +861,7 @@ class LineExchange:
         if self._units.aliases.note(unit_id):
             mapped = ", ".join(f"{axis.plan.name} (unit id {axis.plan.unit_id})" for axis in self.axes)
             detail = f"a controller talks to unit id {unit_id}, which has no axis; there are {mapped}"
-            self._on_event(Event(EventKind.UNKNOWN_UNIT, None, detail))
+            self._on_event(Event(exchange_events.UNKNOWN_UNIT, None, detail))
 
     def _put_on_wire(self, transaction: Transaction, pdu: bytes, unit_id: int, now_ns: int) -> None:
         """Send a frame: the request itself, or one of the gateway's own."""
@@ -918,7 +918,7 @@ class LineExchange:
 
     def _report_one(self, axis: Axis) -> None:
         for event in axis.take_events():
-            self.counters.internal_faults += event.kind is EventKind.INTERNAL_FAULT
+            self.counters.internal_faults += event.kind is exchange_events.INTERNAL_FAULT
             self._on_event(event)
 
     # --- endings ---------------------------------------------------------------------------------------
@@ -968,7 +968,7 @@ class LineExchange:
             self._renewal.miss(unit_id, transaction.sent_ns, is_read=is_read)
         silence, has_died = self.silent_units.miss(unit_id, transaction.sent_ns, now_ns)
         if silence.timeouts == 1:
-            self._on_event(Event(EventKind.DRIVE_SILENT, None, self._unanswered_by(unit_id)))
+            self._on_event(Event(exchange_events.DRIVE_SILENT, None, self._unanswered_by(unit_id)))
         if self._units.have_rules and self._units.stops_of(self._units.frames_of(transaction)):
             others = {id(each.port) for each in self._waiting if each.port not in (None, transaction.port)}
             self.silent_units.miss_stop(unit_id, transaction.pdu, others, now_ns)
@@ -982,6 +982,6 @@ class LineExchange:
             axis.fall_silent(transaction.sent_ns, now_ns)
         self._report(axes)
         if has_died and self.silent_units.backs_off:
-            self._on_event(Event(EventKind.DRIVE_BACKED_OFF, None, self._unanswered_by(unit_id)))
+            self._on_event(Event(exchange_events.DRIVE_BACKED_OFF, None, self._unanswered_by(unit_id)))
             self.silent_units.answer_waiting(now_ns)
         self._turns.gaps.ended(transaction, now_ns, silence.quiet_ns or None)

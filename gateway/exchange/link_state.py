@@ -11,12 +11,13 @@ told, then one a minute with how many there were. What lasts is told in any case
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from gateway.catalogue import exchange_events
 from gateway.exchange.added_frames import reads_at_start, trial_read
 from gateway.exchange.axis.acknowledge import OnWire
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MotionState, Said
 from gateway.exchange.dispatch import Units
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.link_loss import BLINK_NS, CLOSES_SOON_NS, HEARD_NS, LINK_LOSS, LinkLoss, Reached
 from gateway.exchange.plan import DONE_BIT, LineTiming
 from gateway.exchange.ports import DriveLink
@@ -177,7 +178,7 @@ class LinkState:
         self.blinks_until_ns = self._tell_ns = 0
         if self._is_told:
             self._is_told = False
-            self._on_event(Event(EventKind.LINE_UP))
+            self._on_event(Event(exchange_events.LINE_UP))
         self._rest.resume(now_ns)
         delay_ns = self._delay_ns
         if loss is LinkLoss.RENEWAL and not delay_ns:
@@ -287,7 +288,7 @@ class LinkState:
                 self._tell_ns = 0
                 self._is_told = True
                 if self._detail:
-                    self._on_event(Event(EventKind.LINE_DOWN, None, self._detail))
+                    self._on_event(Event(exchange_events.LINE_DOWN, None, self._detail))
         elif self.closes_ns and now_ns >= self.closes_ns:
             self._close_at_rest(now_ns)
 
@@ -325,7 +326,7 @@ class LinkState:
             return False
         self._renewal.renew(now_ns)
         why = "nothing has come for three time-outs, whoever was asked: another connection is made"
-        self._on_event(Event(EventKind.CONNECTION_RENEWED, None, why))
+        self._on_event(Event(exchange_events.CONNECTION_RENEWED, None, why))
         self._go_down(LinkLoss.RENEWAL, "broken off by the gateway, and not made anew", None, now_ns)
         self._link.renew()
         return True
@@ -358,13 +359,13 @@ class LinkState:
         """
         if not self._connects:
             self._is_told = True
-            self._on_event(Event(EventKind.LINE_DOWN, None, detail))
+            self._on_event(Event(exchange_events.LINE_DOWN, None, detail))
             return
         count = self._told.due(("line-down", detail.partition(":")[0]), now_ns)
         self._detail = detail
         if count or is_under_way:
             self._is_told = True
-            self._on_event(Event(EventKind.LINE_DOWN, None, detail + times(count)))
+            self._on_event(Event(exchange_events.LINE_DOWN, None, detail + times(count)))
         else:
             self._tell_later(detail, now_ns)
 

@@ -18,8 +18,9 @@ from typing import Final
 from librt.vecs import vec
 from mypy_extensions import i64
 
+from gateway.catalogue import exchange_events
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.latency import BUCKETS, OCTAVE, SUB_BITS, HighMark, bucket_of
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import Transaction
@@ -232,11 +233,11 @@ class LineMeter:
             f"{all_us:.0f} µs of gateway time, budget_us = {budget.budget_ns / NS_PER_US:g}; "
             f"slowest: {slowest}, {steps[slowest] / NS_PER_US:.0f} µs{f'; meanwhile {ran}' if ran else ''}"
         )
-        self._on_event(Event(EventKind.BUDGET_OVERRUN, budget.axis, detail))
+        self._on_event(Event(exchange_events.BUDGET_OVERRUN, budget.axis, detail))
 
     def _kept(self, budget: AxisBudget, now_ns: int) -> None:
         within = budget.keep(now_ns)
         if within:
             self._axes_over -= 1
             detail = f"{within} exchanges in a row within budget_us; {budget.overruns} over it so far"
-            self._on_event(Event(EventKind.BUDGET_KEPT, budget.axis, detail))
+            self._on_event(Event(exchange_events.BUDGET_KEPT, budget.axis, detail))

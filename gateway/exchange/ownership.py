@@ -7,6 +7,7 @@ holds it goes on. It comes to count when its sender takes the axis over (M3).
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
+from gateway.catalogue import exchange_events
 from gateway.drives.motion import Action
 from gateway.exchange.access import MONITOR_FUNCTIONS
 from gateway.exchange.axis.axis import Axis
@@ -14,7 +15,7 @@ from gateway.exchange.axis.registers import Loss
 from gateway.exchange.decode import AxisCommand, Frame, decode
 from gateway.exchange.dispatch import Units
 from gateway.exchange.effects import lose
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.request import Request, has_a_stop, part_of, written_part
 from gateway.exchange.rivals import Rivals
@@ -195,7 +196,7 @@ class Ownership:
                 ("unit_id", transaction.unit_id),
             )
             detail = f"{port.writer} was refused: {why}{times(count)}"
-            self._on_event(Event(EventKind.SECOND_WRITER, axis.plan.name, detail, more))
+            self._on_event(Event(exchange_events.SECOND_WRITER, axis.plan.name, detail, more))
 
     def _take_over(self, axis: Axis, writer: str, now_ns: int) -> None:
         hold = axis.hold

@@ -4,6 +4,8 @@
 counts before the drive has acknowledged the request.
 """
 
+from gateway.catalogue import exchange_events, refusals
+from gateway.catalogue.entry import RefusalEntry
 from gateway.drives.motion import Action, Form
 from gateway.exchange.access import Access
 from gateway.exchange.axis.acknowledge import Rendering
@@ -11,8 +13,7 @@ from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
 from gateway.exchange.axis.motion import Keeping
 from gateway.exchange.axis.registers import Completeness, NextPart
 from gateway.exchange.decode import AxisCommand, Staging
-from gateway.exchange.events import EventKind
-from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.refusal import RefusedRequestError, refused
 from gateway.exchange.render import (
     RefusedPositionError,
     Seen,
@@ -106,11 +107,8 @@ def _prepare_write(request: Request, *, has_stop: bool) -> None:
                         raise
                     _pass_blindly(request, hit)
     if not (frame.is_clear or has_stop) and any(not axis.passes_unchanged for axis in frame.unit.axes):
-        raise RefusedRequestError(
-            ExceptionCode.ILLEGAL_DATA_ADDRESS,
-            frame.unit.axes[0].plan.name,
-            f"a write at {access.write_address:#06x} runs over an object of unknown width into a mapped one",
-        )
+        name = frame.unit.axes[0].plan.name
+        raise refused(refusals.UNKNOWN_WIDTH, name, access="write", address=access.write_address)
     for own in frame.by_axis:
         if own.commands:
             request.of(own.axis).parts.extend([part_of(hit, frame.pdu, access) for hit in own.commands])
@@ -172,11 +170,7 @@ def _check_counts(hit: FieldHit, access: Access) -> None:
         RefusedRequestError: the counts of the request contradict each other, and its axis is corrected.
     """
     if not access.is_consistent and not hit.place.axis.passes_unchanged:
-        raise RefusedRequestError(
-            ExceptionCode.ILLEGAL_DATA_VALUE,
-            hit.place.axis.plan.name,
-            f"the counts of a write to {_at(hit)} contradict each other",
-        )
+        raise refused(refusals.COUNTS_CONTRADICT, hit.place.axis.plan.name, register=_at(hit))
 
 
 def _stage_limit(hit: FieldHit, request: Request) -> bytes:
@@ -184,11 +178,7 @@ def _stage_limit(hit: FieldHit, request: Request) -> bytes:
     axis, image = hit.place.axis, hit.place.image
     assert image is not None
     if not (hit.is_whole and request.frame.access.is_consistent) or request.frame.access.is_mask:
-        raise RefusedRequestError(
-            ExceptionCode.SERVER_DEVICE_FAILURE,
-            axis.plan.name,
-            f"a part of the limit at {_at(hit)} was written: write all of it in one frame",
-        )
+        raise refused(refusals.PART_OF_LIMIT, axis.plan.name, register=_at(hit))
     _, words = written_part(hit, request.frame.pdu, request.frame.access)
     try:
         corrected_words = render_limit(axis, hit.place.number, words)
@@ -205,13 +195,11 @@ def _refuse_guarded(hit: FieldHit) -> None:
         RefusedRequestError: unless the axis lets such writes pass.
     """
     plan = hit.place.axis.plan
+    address = hit.place.field.address
     if hit.place.role is not FieldRole.GUARDED:
-        reason = f"{_at(hit)} reports a position; writing it would move the frame"
-    elif plan.passes_unmapped:
-        return
-    else:
-        reason = f'{_at(hit)} holds a position that is not mapped (unmapped = "pass" lets it through)'
-    raise RefusedRequestError(ExceptionCode.ILLEGAL_DATA_ADDRESS, plan.name, reason)
+        raise refused(refusals.REPORTS_A_POSITION, plan.name, address=address)
+    if not plan.passes_unmapped:
+        raise refused(refusals.NOT_MAPPED, plan.name, address=address)
 
 
 def _at(hit: FieldHit) -> str:
@@ -247,11 +235,7 @@ def _build_write(pdu: bytes, span: Span, words: bytes, axis: Axis) -> bytes:
         axis.plan.max_registers, MAX_READ_WRITE_WRITE_REGISTERS if is_read_write else MAX_WRITE_REGISTERS
     )
     if span.quantity > limit:
-        raise RefusedRequestError(
-            ExceptionCode.ILLEGAL_DATA_ADDRESS,
-            axis.plan.name,
-            f"this write cuts a position, and {span.quantity} registers are more than the drive's {limit}",
-        )
+        raise refused(refusals.WRITE_CUTS, axis.plan.name, quantity=span.quantity, limit=limit)
     head = span.address.to_bytes(2, "big") + span.quantity.to_bytes(2, "big") + bytes((len(words),))
     if is_read_write:
         return pdu[:5] + head + words
@@ -266,11 +250,8 @@ def _prepare_read(request: Request) -> None:
     hits = unit.read(span.address, span.quantity)
     request.ask(hits, span)
     if hits.is_unclear and any(not axis.passes_unchanged for axis in unit.axes):
-        raise RefusedRequestError(
-            ExceptionCode.ILLEGAL_DATA_ADDRESS,
-            unit.axes[0].plan.name,
-            f"a read at {span.address:#06x} runs over an object of unknown width into a mapped one",
-        )
+        name = unit.axes[0].plan.name
+        raise refused(refusals.UNKNOWN_WIDTH, name, access="read", address=span.address)
     if not hits.fields:
         return
     active: list[FieldPlace] = []
@@ -284,11 +265,7 @@ def _prepare_read(request: Request) -> None:
         return
     limit = min(MAX_READ_REGISTERS, *(place.axis.plan.max_registers for place in active))
     if whole.quantity > limit:
-        raise RefusedRequestError(
-            ExceptionCode.ILLEGAL_DATA_ADDRESS,
-            active[0].axis.plan.name,
-            f"this read cuts a position, and {whole.quantity} registers are more than the drive's {limit}",
-        )
+        raise refused(refusals.READ_CUTS, active[0].axis.plan.name, quantity=whole.quantity, limit=limit)
     pdu = request.sent_pdu
     head = whole.address.to_bytes(2, "big") + whole.quantity.to_bytes(2, "big")
     request.ask(unit.read(whole.address, whole.quantity), whole)
@@ -307,23 +284,17 @@ def check_may_act(command: AxisCommand) -> None:
     axis = command.axis
     action = command.action
     if action is Action.STORED and not (axis.passes_unchanged or axis.plan.motion.passes_stored_moves):
-        raise RefusedRequestError(
-            ExceptionCode.SERVER_DEVICE_FAILURE,
-            axis.plan.name,
-            "it runs a position that the drive keeps, and nobody knows which correction that carries "
-            '(stored_moves = "uncorrected" lets it pass)',
-            EventKind.STORED_MOVE,
-        )
+        raise refused(refusals.KEPT_POSITION, axis.plan.name, exchange_events.STORED_MOVE)
     if command.is_stop or axis.passes_unchanged:
         return
     code = _blocking_code(command)
     if code is not None:
-        raise RefusedRequestError(
-            code,
-            axis.plan.name,
-            "a trigger, but a target, its mode or a part of it was lost before: write all of it again",
-            EventKind.AXIS_BLOCKED,
-        )
+        raise target_lost(code, axis.plan.name)
+
+
+def target_lost(code: int, axis: str) -> RefusedRequestError:
+    """Return what to raise for a trigger of a lost target; ``code``: that of the loss."""
+    return RefusedRequestError(code, axis, refusals.TARGET_LOST.sentence(), exchange_events.AXIS_BLOCKED)
 
 
 def _blocking_code(command: AxisCommand) -> int | None:
@@ -427,14 +398,9 @@ def render_relative(
     is_moving = request.known.standing.get(axis.plan.name) is Standing.MOVES
     why = "the axis moves" if is_moving else "nothing tells where the axis is"
     if axis.plan.motion.passes_unknown_relative:
-        axis.tell(EventKind.BASE_UNKNOWN, f"a relative move passed unchanged: {why}")
+        axis.tell(exchange_events.BASE_UNKNOWN, f"a relative move passed unchanged: {why}")
         return None
-    raise RefusedRequestError(
-        ExceptionCode.SERVER_DEVICE_BUSY,
-        axis.plan.name,
-        f'a relative move, and {why} (relative_unknown = "pass" lets it through unchanged)',
-        EventKind.BASE_UNKNOWN,
-    )
+    raise refused(refusals.BASE_UNKNOWN, axis.plan.name, exchange_events.BASE_UNKNOWN, why=why)
 
 
 # --- targets that the drive only holds -----------------------------------------------------------------
@@ -577,26 +543,15 @@ def _refuse_unknown(request: Request, hit: FieldHit) -> None:
         request.of(axis).blind.append(image)
         return
     if not request.frame.access.is_consistent:
-        raise RefusedRequestError(
-            ExceptionCode.ILLEGAL_DATA_VALUE,
-            axis.plan.name,
-            f"the counts of a write to {_at(hit)} contradict each other",
-        )
-    reason = _why_incomplete(hit, request)
-    raise RefusedRequestError(
-        ExceptionCode.SERVER_DEVICE_FAILURE,
-        axis.plan.name,
-        reason,
-        is_too_early=image.completeness is not Completeness.PART_REFUSED,
-    )
+        raise refused(refusals.COUNTS_CONTRADICT, axis.plan.name, register=_at(hit))
+    refusal = refused(_why_incomplete(hit, request), axis.plan.name, register=_at(hit))
+    refusal.is_too_early = image.completeness is not Completeness.PART_REFUSED
+    raise refusal
 
 
-def _why_incomplete(hit: FieldHit, request: Request) -> str:
+def _why_incomplete(hit: FieldHit, request: Request) -> RefusalEntry:
     if hit.place.image is not None and hit.place.image.is_torn:
-        return f"a part of the position at {_at(hit)} was lost before: write all of it again"
+        return refusals.PART_LOST
     if request.frame.access.is_mask or key_of(hit) not in request.known.command_words:
-        return f"part of the position at {_at(hit)} was written and the rest is not known"
-    return (
-        f"part of the position at {_at(hit)} was written and the rest is not certain: what the drive holds "
-        "may lie across a word's border from what was commanded; write all of it in one frame"
-    )
+        return refusals.REST_UNKNOWN
+    return refusals.REST_UNCERTAIN

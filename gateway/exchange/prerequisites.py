@@ -1,5 +1,6 @@
 """What has to be read or written before a request can be sent (M2, M5, M6, W8)."""
 
+from gateway.catalogue import exchange_events, refusals
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import (
     LOOKS,
@@ -16,10 +17,9 @@ from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, TARGETED, KeptOver
 from gateway.exchange.decode import AxisCommand
-from gateway.exchange.events import EventKind
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.prepare import check_may_act, render_relative, seen
-from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.refusal import RefusedRequestError, refused
 from gateway.exchange.render import (
     RefusedPositionError,
     as_it_came,
@@ -284,7 +284,7 @@ def _prepare_unknown(command: AxisCommand) -> AddedFrame | None:
     if image.nominal_words is None or image.is_torn:
         if command.number is None:  # a value that nobody knows may be anything; this one runs the target
             return None
-        raise _not_ours(axis)
+        raise refused(refusals.NOT_OURS, axis.plan.name, exchange_events.STORED_MOVE)
     return _restage(axis, as_it_came(axis, number))
 
 
@@ -302,18 +302,9 @@ def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:
         return None
     starts = not axis.plan.motion.starts_on.isdisjoint(addresses_to_restage(axis, rendering))
     if starts or axis.rules.may_go_at_once(rendering.number):
-        raise RefusedRequestError(
-            ExceptionCode.SERVER_DEVICE_FAILURE,
-            axis.plan.name,
-            "its target has to be written anew, and writing it starts the move: write it in the frame that "
-            "runs it",
-        )
+        raise refused(refusals.RESTAGING_STARTS, axis.plan.name)
     if not axis.plan.added_frames:
-        raise RefusedRequestError(
-            ExceptionCode.SERVER_DEVICE_FAILURE,
-            axis.plan.name,
-            'the staged target has to be written anew for its trigger, and added_frames = "never" forbids it',
-        )
+        raise refused(refusals.RESTAGING_FORBIDDEN, axis.plan.name)
     return added
 
 
@@ -331,17 +322,7 @@ def staged_words(command: AxisCommand) -> bytes | None:
     is_lost = image is not None and image.is_torn  # what the drive holds in its place nobody meant (M3)
     if is_as_written or (axis.plan.motion.passes_stored_moves and not is_lost):
         return None
-    raise _not_ours(axis)
-
-
-def _not_ours(axis: Axis) -> RefusedRequestError:
-    return RefusedRequestError(
-        ExceptionCode.SERVER_DEVICE_FAILURE,
-        axis.plan.name,
-        "a trigger, and its target was not written through the gateway: write it again "
-        '(stored_moves = "uncorrected" lets it pass)',
-        EventKind.STORED_MOVE,
-    )
+    raise refused(refusals.NOT_OURS, axis.plan.name, exchange_events.STORED_MOVE)
 
 
 def render_run(request: Request, axis: Axis, number: int, words: bytes, action: Action) -> Rendering | None:

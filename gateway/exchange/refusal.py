@@ -1,6 +1,7 @@
 """What the gateway refuses by itself."""
 
-from gateway.exchange.events import EventKind
+from gateway.catalogue import exchange_events
+from gateway.catalogue.entry import EventEntry, RefusalEntry
 
 
 class RefusedRequestError(Exception):
@@ -11,7 +12,7 @@ class RefusedRequestError(Exception):
         code: int,
         axis: str,
         reason: str,
-        kind: EventKind = EventKind.REFUSED_VALUE,
+        kind: EventEntry = exchange_events.REFUSED_VALUE,
         *,
         is_too_early: bool = False,
     ) -> None:
@@ -22,3 +23,10 @@ class RefusedRequestError(Exception):
         self.kind = kind
         self.is_too_early = is_too_early
         """It writes a part of a position whose other parts have to come again: the parts count together."""
+
+
+def refused(
+    entry: RefusalEntry, axis: str, kind: EventEntry = exchange_events.REFUSED_VALUE, **fields: object
+) -> RefusedRequestError:
+    """Return what to raise for a refusal of the catalogue; ``fields`` are what its sentence names."""
+    return RefusedRequestError(entry.code, axis, entry.sentence(**fields), kind)

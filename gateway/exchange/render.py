@@ -11,6 +11,7 @@ ask for (``Axis.follow_terms``).
 from math import isfinite
 from typing import NamedTuple
 
+from gateway.catalogue import refusals
 from gateway.compensation.correction_spec import NOTHING
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
 from gateway.compensation.moves import Accepted, Move, Place, PlaceKind
@@ -21,10 +22,9 @@ from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, Keeping, MotionState
 from gateway.exchange.field_counts import counts_of, steps_of
-from gateway.exchange.refusal import RefusedRequestError
+from gateway.exchange.refusal import refused
 from gateway.exchange.request import Known, Standing
 from gateway.modbus.errors import RegisterRangeError
-from gateway.modbus.pdu import ExceptionCode
 from gateway.times import NS_PER_MS, NS_PER_S
 
 
@@ -104,16 +104,11 @@ def render(
     if keeping is Keeping.SAME_WORDS:
         return _again(axis)
     if keeping is Keeping.UNSEEN:
-        raise RefusedRequestError(
-            ExceptionCode.SERVER_DEVICE_BUSY,
-            axis.plan.name,
-            "its drive was out of reach or lost its reference, and nothing tells whether it stands at this "
-            "target: read its actual position, or command another target",
-        )
+        raise refused(refusals.PLACE_UNTOLD, axis.plan.name)
     if not isfinite(raw):
         if is_passing:
             return Rendering(number, nominal_words, nominal_words, 0.0, None)
-        raise RefusedPositionError(f"a value of {raw} is not a position")
+        raise RefusedPositionError(refusals.NO_POSITION.sentence(raw=raw))
     try:
         move = _plan_move(axis, counts_of(field_, raw), seen, is_kept=is_kept)
         if move.state.is_unsure and unproven is not None:
@@ -145,7 +140,7 @@ def render_distance(
     field_ = axis.plan.command[number]
     raw = field_.unpack(distance_words)
     if not isfinite(raw):
-        raise RefusedPositionError(f"a value of {raw} is not a distance")
+        raise RefusedPositionError(refusals.NO_DISTANCE.sentence(raw=raw))
     if not raw:
         return Rendering(number, distance_words, distance_words, 0.0, None, is_distance=True)
     nominal_counts = base.nominal_counts + counts_of(field_, raw)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
+from gateway.status.axis import RivalsStatus
 from gateway.times import NS_PER_S
 
 CALM_NS: Final = 60 * NS_PER_S
@@ -49,17 +50,17 @@ class Rivals:
         """Note that a writer took an axis over from another one."""
         self._met(axis, former, writer, now_ns).note_changed()
 
-    def status(self, axis: str, now_ns: int) -> dict[str, object] | None:
+    def status(self, axis: str, now_ns: int) -> RivalsStatus | None:
         """Return the rivalry about an axis; None: there is none any more."""
         found = self._found.get(axis)
         if found is None or now_ns - found.last_ns > CALM_NS:
             return None
-        return {
-            "writers": sorted(found.writers),
-            "since_s": round((now_ns - found.since_ns) / NS_PER_S, 3),
-            "refused": found.refused,
-            "changes": found.changes,
-        }
+        return RivalsStatus(
+            writers=sorted(found.writers),
+            since_s=round((now_ns - found.since_ns) / NS_PER_S, 3),
+            refused=found.refused,
+            changes=found.changes,
+        )
 
     def _met(self, axis: str, one: str, other: str, now_ns: int) -> Rivalry:
         found = self._found.get(axis)

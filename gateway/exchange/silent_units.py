@@ -22,16 +22,18 @@ from typing import Final
 from librt.vecs import vec
 from mypy_extensions import i64
 
+from gateway.catalogue import exchange_events
 from gateway.exchange.added_frames import trial_read
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.dispatch import Units, is_acting_on
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.plan import LineTiming
 from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.rest import LONGEST_DRAIN
 from gateway.exchange.transaction import NO_RESPONSE, Answer, Transaction, Transactions
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
+from gateway.status.line import UnitStatus
 from gateway.times import NS_PER_MS, NS_PER_S
 
 UNIT_IDS: Final = 0x100
@@ -259,7 +261,7 @@ class SilentUnits:
         self._forget(silence)
         if before is Reach.ANSWERS:
             return
-        self._on_event(Event(EventKind.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
+        self._on_event(Event(exchange_events.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
         if before is Reach.DEAD:  # it was not asked, so nobody knows since when it is there again
             axes = self._units.axes_of(unit_id)
             for axis in axes:
@@ -515,19 +517,19 @@ class SilentUnits:
 
     # --- status ----------------------------------------------------------------------------------------
 
-    def status(self, unit_id: int, now_ns: int) -> dict[str, object]:
+    def status(self, unit_id: int, now_ns: int) -> UnitStatus:
         """Return what is known of one unit id: ages in s, null where there is nothing to measure."""
         answered_ns, silence = self.answered_ns[unit_id], self.silences.get(unit_id)
         if silence is not None and silence.reach is Reach.ANSWERS:
             silence = None
         is_dead = silence is not None and silence.reach is Reach.DEAD and self.backs_off
-        return {
-            "answered_s": round((now_ns - answered_ns) / NS_PER_S, 3) if answered_ns else None,
-            "silent_s": None if silence is None else round((now_ns - silence.since_ns) / NS_PER_S, 3),
-            "timeouts_in_a_row": 0 if silence is None else silence.timeouts,
-            "tried_again_s": (
+        return UnitStatus(
+            answered_s=round((now_ns - answered_ns) / NS_PER_S, 3) if answered_ns else None,
+            silent_s=None if silence is None else round((now_ns - silence.since_ns) / NS_PER_S, 3),
+            timeouts_in_a_row=0 if silence is None else silence.timeouts,
+            tried_again_s=(
                 round(max(silence.due_ns - now_ns, 0) / NS_PER_S, 3)
                 if silence is not None and is_dead
                 else None
             ),
-        }
+        )

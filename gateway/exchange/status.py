@@ -4,7 +4,9 @@ The states that it shows are listed in ``exchange.status_words``.
 """
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
+
+from msgspec import UNSET
 
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
@@ -12,50 +14,38 @@ from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.beam import BeamState
 from gateway.exchange.axis.motion import Actual
 from gateway.exchange.line import LineExchange
+from gateway.status.axis import AxisStatus, GroupStatus, Reading, Shares, TableStatus
+from gateway.status.line import LINE_COUNTERS, LineStatus
 from gateway.times import NS_PER_S
 
 SHOWN_NS: Final = 2 * NS_PER_S
 """Age up to which a reading is shown as where the axis is: it may have moved since, also by other hands."""
 
 
-def line_status(line: LineExchange, now_ns: int) -> dict[str, Any]:
-    """Return one line's part of the status model."""
+def line_status(line: LineExchange, now_ns: int) -> LineStatus:
+    """Return what the exchange knows of one line's part of the status model."""
     counters = line.counters
-    return {
-        "state": "up" if line.is_up else "down",
-        "exchanges": counters.exchanges,
-        "timeouts": counters.timeouts,
-        "exceptions": counters.exceptions,
-        "late": counters.late,
-        "late_targets": counters.late_targets,
-        "refused": counters.refused,
-        "backed_off": counters.backed_off,
-        "too_late": counters.too_late,
-        "withdrawn": counters.withdrawn,
-        "broadcasts": counters.broadcasts,
-        "added_reads": counters.added_reads,
-        "restaged": counters.restaged,
-        "unknown_modes": counters.unknown_modes,
-        "unmapped_reads": counters.unmapped_reads,
-        "oversized": counters.oversized,
-        "internal_faults": counters.internal_faults,
-        "unit_ids": line.unit_ids_status(now_ns),
-        **({} if line.forwarding is None else {"cut_through": line.forwarding.status()}),
-    }
+    status = LineStatus(
+        state="up" if line.is_up else "down",
+        unit_ids=line.unit_ids_status(now_ns),
+        cut_through=UNSET if line.forwarding is None else line.forwarding.status(),
+    )
+    for name in LINE_COUNTERS:
+        if hasattr(counters, name):
+            setattr(status, name, getattr(counters, name))
+    return status
 
 
-def axes_status(line: LineExchange, now_ns: int) -> dict[str, dict[str, Any]]:
+def axes_status(line: LineExchange, now_ns: int) -> dict[str, AxisStatus]:
     """Return each axis's part of the status model, by name."""
-    return {
-        axis.plan.name: {
-            **axis_status(axis, now_ns),
-            "rivals": line.rivals_status(axis.plan.name, now_ns),
-        }
-        for axis in line.axes
-    }
+    found: dict[str, AxisStatus] = {}
+    for axis in line.axes:
+        status = found[axis.plan.name] = axis_status(axis, now_ns)
+        status.rivals = line.rivals_status(axis.plan.name, now_ns)
+    return found
 
 
-def axis_status(axis: Axis, now_ns: int) -> dict[str, Any]:
+def axis_status(axis: Axis, now_ns: int) -> AxisStatus:
     """Return one axis's part of the status model."""
     settings = axis.plan.settings
     accepted = axis.compensation.accepted
@@ -69,38 +59,36 @@ def axis_status(axis: Axis, now_ns: int) -> dict[str, Any]:
     correction: float | None = None
     if accepted is not None:
         correction = (accepted.corrected_counts - accepted.nominal_counts) / settings.counts_per_unit
-    return {
-        "compensation": compensation_state(axis),
-        "units": settings.units.value,
-        "direction": direction_state(axis),
-        "gain": {"forward": settings.gain.forward, "backward": settings.gain.backward},
-        "travel": settings.travel,
-        "correction": correction,
-        "nominal_setpoint": units(None if accepted is None else accepted.nominal_counts),
-        "corrected_setpoint": units(None if accepted is None else accepted.corrected_counts),
-        "nominal_actual": units(None if actual is None else axis.motion.nominal_of(actual.counts)),
-        "corrected_actual": units(None if actual is None else actual.counts),
-        "last_actual": _last_actual(axis, units, now_ns),
-        "actual_age_s": None if actual is None else round((now_ns - actual.seen_ns) / NS_PER_S, 3),
-        "writer": axis.hold.writer if axis.hold.is_held(now_ns) else None,
-        "table": _table_status(axis),
-        "group": _group_status(axis, now_ns),
-        "terms": None if axis.terms is None else axis.terms.status(axis.compensation, now_ns),
-    }
+    return AxisStatus(
+        compensation=compensation_state(axis),
+        units=settings.units.value,
+        direction=direction_state(axis),
+        gain=Shares(forward=settings.gain.forward, backward=settings.gain.backward),
+        travel=settings.travel,
+        correction=correction,
+        nominal_setpoint=units(None if accepted is None else accepted.nominal_counts),
+        corrected_setpoint=units(None if accepted is None else accepted.corrected_counts),
+        nominal_actual=units(None if actual is None else axis.motion.nominal_of(actual.counts)),
+        corrected_actual=units(None if actual is None else actual.counts),
+        last_actual=_last_actual(axis, units, now_ns),
+        actual_age_s=None if actual is None else round((now_ns - actual.seen_ns) / NS_PER_S, 3),
+        writer=axis.hold.writer if axis.hold.is_held(now_ns) else None,
+        table=_table_status(axis),
+        group=_group_status(axis, now_ns),
+        terms=None if axis.terms is None else axis.terms.status(axis.compensation, now_ns),
+    )
 
 
-def _last_actual(
-    axis: Axis, units: Callable[[Counts | None], float | None], now_ns: int
-) -> dict[str, float | None] | None:
+def _last_actual(axis: Axis, units: Callable[[Counts | None], float | None], now_ns: int) -> Reading | None:
     """Return the newest reading, however old; None: there was none, or it counts no more."""
     actual = axis.motion.actual
     if actual is None:
         return None
-    return {
-        "nominal": units(axis.motion.nominal_of(actual.counts)),
-        "corrected": units(actual.counts),
-        "age_s": round((now_ns - actual.seen_ns) / NS_PER_S, 3),
-    }
+    return Reading(
+        nominal=units(axis.motion.nominal_of(actual.counts)),
+        corrected=units(actual.counts),
+        age_s=round((now_ns - actual.seen_ns) / NS_PER_S, 3),
+    )
 
 
 def _shown(actual: Actual | None, now_ns: int) -> Actual | None:
@@ -132,29 +120,28 @@ def compensation_state(axis: Axis) -> str:
     return "blending" if is_stream and axis.compensation.is_blending else "active"
 
 
-def _group_status(axis: Axis, now_ns: int) -> dict[str, object] | None:
+def _group_status(axis: Axis, now_ns: int) -> GroupStatus | None:
     """Return what its group goes by (M11); None: it is in none."""
     beam = axis.beam
     if beam is None:
         return None
     fixed = None if beam.is_over(now_ns) else axis.fixed
-    return {
-        "state": BeamState.OPEN.value if fixed is None else beam.state.value,
-        "has_gone": fixed is not None and fixed.has_gone,
-        "is_put_off": fixed is not None and beam.has_put_off,
-        "is_skewed": beam.is_skewed,
-        "skew": beam.skew,
-    }
+    return GroupStatus(
+        state=BeamState.OPEN.value if fixed is None else beam.state.value,
+        has_gone=fixed is not None and fixed.has_gone,
+        is_put_off=fixed is not None and beam.has_put_off,
+        is_skewed=beam.is_skewed,
+        skew=beam.skew,
+    )
 
 
-def _table_status(axis: Axis) -> dict[str, object]:
+def _table_status(axis: Axis) -> TableStatus:
     plan = axis.plan
-    return {
-        "file": plan.table_name or None,
-        "format": plan.table_format or None,
-        "sha256": plan.table_digest or None,
-        "compiled": None if plan.table is None else plan.table.digest or None,
-        "points": 0 if plan.table is None else len(plan.table.positions),
-        "status": "none" if plan.table is None else "active",
-        "error": None,
-    }
+    return TableStatus(
+        file=plan.table_name or None,
+        format=plan.table_format or None,
+        sha256=plan.table_digest or None,
+        compiled=None if plan.table is None else plan.table.digest or None,
+        points=0 if plan.table is None else len(plan.table.positions),
+        status="none" if plan.table is None else "active",
+    )

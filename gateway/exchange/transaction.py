@@ -28,6 +28,7 @@ from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Final
 
+from gateway.catalogue import exchange_events
 from gateway.compensation.readback import Readback
 from gateway.compiled import mypyc_attr
 from gateway.exchange.access import only_reads
@@ -39,7 +40,7 @@ from gateway.exchange.axis.registers import Loss
 from gateway.exchange.counters import LineCounters
 from gateway.exchange.decode import Frame
 from gateway.exchange.effects import finish
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.reply import note_discrete, outcome_of, reply_without_positions, turned_back
 from gateway.exchange.request import Known, Request
@@ -584,7 +585,7 @@ class Transactions:
     def tell_fault(self, sentence: str) -> None:
         """Tell of something that cannot be: a bug of this program."""
         self._counters.internal_faults += 1
-        self._on_event(Event(EventKind.INTERNAL_FAULT, None, sentence))
+        self._on_event(Event(exchange_events.INTERNAL_FAULT, None, sentence))
 
     # --- ends ------------------------------------------------------------------------------------------
 
@@ -716,7 +717,7 @@ class Transactions:
         name = transaction.port.plan.name
         if count := self._withdrawals.due((name, why), now_ns):
             detail = f"a request of {name} was not sent: {why}{times(count)}"
-            self._on_event(Event(EventKind.WITHDRAWN, None, detail))
+            self._on_event(Event(exchange_events.WITHDRAWN, None, detail))
 
 
 def outcome_of_reply(transaction: Transaction, reply: bytes) -> tuple[Outcome, int]:

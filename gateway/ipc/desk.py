@@ -3,11 +3,12 @@
 import os
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 from gateway.exchange.commands import SetTable
 from gateway.ipc.messages import Done, Reply, Request
 from gateway.ipc.place import ROOT_UID
+from gateway.status.model import RelayModel
 
 ASKED_AGAIN_S: Final = 0.002
 """A status that has to wait is tried again after so long: shorter than what lies between two frames."""
@@ -17,10 +18,6 @@ LONGEST_WAIT_S: Final = 0.25
 
 async def _no_tables(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
     return Done(problems=("tables are not taken here",))
-
-
-def _no_status() -> Mapping[str, Any]:
-    return {}
 
 
 def _never() -> bool:
@@ -40,7 +37,7 @@ class Desk:
 
     answer: Callable[[Request], Reply]
     hand_over: Callable[[SetTable, Sequence[int]], Awaitable[Reply]] = _no_tables
-    status: Callable[[], Mapping[str, Any]] = _no_status
+    status: Callable[[], RelayModel] = RelayModel
     has_to_wait: Callable[[], bool] = _never
     """Whether a status has to wait, which takes milliseconds: a frame is leaving that must not break off."""
     tapes: Callable[[], Mapping[str, int]] = dict

@@ -64,7 +64,7 @@ class Listener:
                 self._outbox.write(encode(msgspec.structs.replace(happened, dropped=dropped)))
             else:
                 self._is_snapshot_due = False
-                self._outbox.write(encode(Snapshot(status=dict(self._desk.status()), dropped=dropped)))
+                self._outbox.write(encode(Snapshot(status=self._desk.status(), dropped=dropped)))
         self._more.cancel()
         self._more = self._loop.call_soon(self.pump)
 

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Final
 import msgspec
 
 from gateway.exchange.commands import VERSION, Command, Message
+from gateway.status.model import RelayModel
 
 MAX_REQUEST_BYTES: Final = 4096
 """Longer than the names of a hundred axes."""
@@ -68,7 +69,7 @@ class Pong(Message, frozen=True, tag="pong", tag_field="kind"):
 class Status(Message, frozen=True, tag="status", tag_field="kind"):
     """The status model."""
 
-    status: dict[str, Any]
+    status: RelayModel
 
 
 class Tapes(Message, frozen=True, tag="tapes", tag_field="kind"):
@@ -103,7 +104,7 @@ class Subscribed(Message, frozen=True, tag="subscribed", tag_field="kind"):
 class Snapshot(Message, frozen=True, tag="snapshot", tag_field="kind"):
     """The status model as it is now."""
 
-    status: dict[str, Any]
+    status: RelayModel
     dropped: int = 0
     """Snapshots and events that were not sent since the last message, because this listener was too slow."""
 

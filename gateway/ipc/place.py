@@ -8,6 +8,7 @@ import struct
 from pathlib import Path
 from typing import Final
 
+from gateway.catalogue import starts
 from gateway.state.folder import FolderProblem, problem_of
 from gateway.state.lock import take_lock
 
@@ -45,7 +46,7 @@ def why_too_long(state: Path, name: str = SOCKET_NAME) -> FolderProblem | None:
     if length <= LONGEST_PATH:
         return None
     return FolderProblem(
-        f"{path} has {length} bytes, and the path of a socket has {LONGEST_PATH} at most",
+        f"{starts.PATH_TOO_LONG.begin(path=path, length=length)} has {LONGEST_PATH} at most",
         "give [gateway] state a shorter folder, for example /run/pitch-gateway",
     )
 
@@ -115,7 +116,7 @@ class SocketPlace:
         except FileNotFoundError:
             return
         if not stat.S_ISSOCK(mode):
-            raise SocketError(f"{self.path} is there and is no socket; move it away")
+            raise SocketError(f"{starts.NO_SOCKET.begin(path=self.path)}; move it away")
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
             other.setblocking(False)
             try:
@@ -143,7 +144,7 @@ class SocketPlace:
 
     def _in_use(self) -> SocketError:
         return SocketError(
-            f"{self.path} belongs to a gateway that runs: stop it first, or give this one a folder of its "
+            f"{starts.GATEWAY_RUNS.begin(place=self.path)}: stop it first, or give this one a folder of its "
             "own with [gateway] state"
         )
 

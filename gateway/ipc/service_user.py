@@ -5,6 +5,7 @@ import pwd
 import shlex
 from pathlib import Path
 
+from gateway.catalogue import starts
 from gateway.ipc.place import ROOT_UID
 from gateway.state.folder import ANOTHER, FolderProblem
 
@@ -21,7 +22,9 @@ def why_not_for_root(folder: Path) -> FolderProblem | None:
     if os.geteuid() != ROOT_UID or uid == ROOT_UID:
         return None
     name = _name_of(uid)
-    found = f"{folder} belongs to user {name}, who could not use what root writes there"
+    found = (
+        f"{starts.ANOTHER_OWNER.begin(folder=folder, user=name)}, who could not use what root writes there"
+    )
     return FolderProblem(found, f"do it as that user (sudo -u {shlex.quote(name)} …), or {ANOTHER}")
 
 

@@ -1,6 +1,6 @@
-"""Laser readings into a correction table: mean, turn-around points, home as reference (Centroid TB058)."""
+"""Readings into a table: what it follows, means, turn-around points, home as reference (Centroid TB058)."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 from statistics import fmean
@@ -9,11 +9,43 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.lookup import correction_at
+from gateway.metrology.lead import Period
 from gateway.metrology.readings import APPROACHES, NEAR, MeanCorrections, Reading, mean_corrections
+from gateway.metrology.tables import correction_at
 
+Refusal = Callable[[CorrectionTable], str | None]
+"""Why a table cannot be written, and what to do; None for one that can."""
 _MIN_TARGETS = 2
 _LISTED = 8
+
+
+class Shape(Enum):
+    """What a table follows, the plainest first."""
+
+    LINES = "lines"
+    """Straight from target to target."""
+    SMOOTH = "smooth"
+    """A smooth curve; what scatters about it, noise and short waves alike, is left."""
+    HARMONICS = "harmonics"
+    """A smooth curve and what repeats with the lead and other turns."""
+
+    @property
+    def words(self) -> str:
+        """What it is called in a sentence."""
+        return {
+            Shape.LINES: "lines between the targets",
+            Shape.SMOOTH: "a smooth curve",
+            Shape.HARMONICS: "a smooth curve with harmonics of the lead",
+        }[self]
+
+
+class Fit(Enum):
+    """What is wanted; ``AUTO``: what leaves least between the targets."""
+
+    AUTO = "auto"
+    LINES = "lines"
+    SMOOTH = "smooth"
+    HARMONICS = "harmonics"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +98,38 @@ class HomeCase(Enum):
         if is_positive:
             return HomeReference(low, Direction.FORWARD)
         return HomeReference(high, Direction.BACKWARD)
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How a table is to be made; lengths in the units of the readings.
+
+    ``step`` asks for an even grid, over ``travel`` if that is told, ``tolerance`` for as few of the targets
+    as it allows; not both. ``smooth`` is the window. ``one_way`` makes one curve for both directions.
+    ``fit`` is the curve that the table follows; without it, it goes straight from target to target, and
+    nothing is said about what lies between. ``periods`` are what the error may repeat with. ``refusal`` says
+    why a table cannot be written, and what to do; without it every one can be.
+    """
+
+    home: HomeCase | HomeReference | None = None
+    step: float | None = None
+    tolerance: float | None = None
+    smooth: float | None = None
+    drop_outliers: bool = False
+    estimate_ends: bool = True
+    one_way: bool = False
+    travel: tuple[float, float] | None = None
+    fit: Fit | None = None
+    periods: tuple[Period, ...] = ()
+    refusal: Refusal | None = None
+
+    def reference(self, table: CorrectionTable) -> HomeReference | None:
+        """Return the point of a table that belongs to home; None where no home is told.
+
+        Raises:
+            ReadingsError: see :meth:`HomeCase.reference`.
+        """
+        return self.home.reference(table) if isinstance(self.home, HomeCase) else self.home
 
 
 def build_table(

@@ -1,12 +1,107 @@
-"""The order in which an axis goes to its targets, and from which side. Lengths are in units of the axis.
+"""Where an axis stops to be measured: targets, the order of the stops, and a control's program of them.
 
-Where the targets lie is said in ``metrology.program``, which writes the same cycle for a control.
+Targets lie on purpose not on an even grid: an error that repeats with every turn of the screw would look the
+same at each of them. The standard's ``P_i = (i - 1) p + r`` moves every target by a random ``r``.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, isfinite
+from random import Random
+from typing import Final
 
 from gateway.compensation.direction import Direction
+from gateway.compensation.units import Units
+from gateway.metrology.errors import ReadingsError
+
+DECIMALS: Final = {Units.MM: 3, Units.INCH: 4, Units.DEGREE: 4}
+USUAL_SPREAD: Final = 0.3
+"""Of the interval: what targets are moved by at most, unless told."""
+LEAST_TARGETS: Final = 5
+TARGETS_PER_METRE: Final = 5
+UNITS_WORDS: Final = {Units.MM: "G21", Units.INCH: "G20", Units.DEGREE: ""}
+MAX_TARGETS: Final = 10_000
+AXES: Final = "XYZABCUVW"
+"""Letters of axes. Any other letter means something else in a program: F a feed, M a function."""
+ROUNDING: Final = 1e-9
+"""Share of a step by which its decimal notation may differ."""
+WORD_DECIMALS: Final = 3
+"""Of F and P."""
+
+
+# --- Targets
+
+
+def even_targets(low: float, high: float, step: float) -> list[float]:
+    """Return ``low``, every step above it, and no more than ``high``.
+
+    Raises:
+        ReadingsError: a range or a step that makes fewer than two targets, or ten thousand.
+    """
+    _check_range(low, high)
+    # A share of a millionth: 0.1 does not go into 1 exactly, and nobody means the tenth target to be lost.
+    count = int((high - low) / step + 1e-6) + 1 if step > 0.0 else 0
+    if not 2 <= count <= MAX_TARGETS:
+        raise ReadingsError(
+            f"a step of {step:g} from {low:g} to {high:g}: it must make 2 to {MAX_TARGETS} targets"
+        )
+    return [low + index * step for index in range(count)]
+
+
+def random_targets(
+    low: float, high: float, count: int, *, seed: int, spread: float | None = None, decimals: int = 3
+) -> list[float]:
+    """Return ``count`` targets, each moved up at random by less than ``spread``: ``P_i = (i - 1) p + r``.
+
+    All lie from ``low`` to ``high``. The same seed gives the same targets, for a measurement that is to be
+    repeated. The spread should be the lead of the screw or more, where the intervals allow it.
+
+    Raises:
+        ReadingsError: fewer than two targets, or a spread that would let them change places.
+    """
+    _check_range(low, high)
+    if not 2 <= count <= MAX_TARGETS:
+        raise ReadingsError(f"{count} targets: from 2 to {MAX_TARGETS}")
+    if spread is None:
+        spread = USUAL_SPREAD * (high - low) / count
+    interval = (high - low - spread) / (count - 1)
+    if not 0.0 <= spread < interval:
+        raise ReadingsError(
+            f"a spread of {spread:g} with {count} targets from {low:g} to {high:g}: it must be smaller than "
+            f"the interval that it leaves, {interval:.6g}; fewer targets, or less"
+        )
+    random = Random(seed)
+    targets = [round(low + i * interval + random.random() * spread, decimals) for i in range(count)]
+    return [min(max(target, low), high) for target in targets]
+
+
+def enough_targets(length_mm: float) -> int:
+    """Return how many targets the standard asks for on a travel of up to 2 m: five a metre, at least five."""
+    return max(LEAST_TARGETS, ceil(TARGETS_PER_METRE * length_mm / 1000.0))
+
+
+def check_targets(targets: Sequence[float], units: Units, travel: tuple[float, float] | None = None) -> None:
+    """Check that targets are still what they are when they are written with the decimals of a program.
+
+    Raises:
+        ReadingsError: two of them are written alike, or one lies outside the travel.
+    """
+    decimals = DECIMALS[units]
+    stops = sorted(targets)
+    for low, high in pairwise(stops):
+        if round(low, decimals) == round(high, decimals):
+            raise ReadingsError(
+                f"targets {low:.9g} and {high:.9g} are one with {decimals} decimals: fewer targets"
+            )
+    if travel is not None and not travel[0] <= stops[0] <= stops[-1] <= travel[1]:
+        raise ReadingsError(
+            f"the targets go from {stops[0]:g} to {stops[-1]:g}, the travel is {travel[0]:g} to "
+            f"{travel[1]:g}: targets further inside"
+        )
+
+
+# --- The order of the stops
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +129,12 @@ def bidirectional_cycle(targets: Sequence[float], overrun: float, cycles: int = 
      (12.0, 'FORWARD'), (10.0, 'BACKWARD'), (0.0, 'BACKWARD')]
     """
     ascending = sorted(targets)
+    below, above = ascending[0] - overrun, ascending[-1] + overrun
     for run in range(1, cycles + 1):
-        yield Stop(ascending[0] - overrun, Direction.BACKWARD, measure=False, run=run)
+        yield Stop(below, Direction.BACKWARD, measure=False, run=run)
         for nominal in ascending:
             yield Stop(nominal, Direction.FORWARD, measure=True, run=run)
-        yield Stop(ascending[-1] + overrun, Direction.FORWARD, measure=False, run=run)
+        yield Stop(above, Direction.FORWARD, measure=False, run=run)
         for nominal in reversed(ascending):
             yield Stop(nominal, Direction.BACKWARD, measure=True, run=run)
 
@@ -63,3 +159,120 @@ def remaining(stops: Sequence[Stop], done: int) -> list[Stop]:
         else:
             measured += 1
     return []
+
+
+# --- Programs of a control
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """How an axis is driven through its targets; lengths in ``units``, ``feed`` in units a minute.
+
+    ``overrun`` is how far it goes beyond the last target before it turns: more than the lost motion, or the
+    first target of the way back would be approached from the wrong side. ``dwell`` is in the unit of the
+    control's ``G4 P``: seconds on many, milliseconds on others.
+    """
+
+    axis: str
+    units: Units
+    feed: float
+    dwell: float
+    overrun: float
+    runs: int
+
+    def __post_init__(self) -> None:
+        """Check what no control would run.
+
+        Raises:
+            ReadingsError: no letter of an axis, or a number that is not above 0 as the program writes it.
+        """
+        if len(self.axis) != 1 or self.axis.upper() not in AXES:
+            raise ReadingsError(
+                f"axis {self.axis!r}: a program needs the letter of an axis, {', '.join(AXES)}"
+            )
+        for name, number, decimals in (
+            ("feed", self.feed, WORD_DECIMALS),
+            ("dwell", self.dwell, WORD_DECIMALS),
+            ("overrun", self.overrun, DECIMALS[self.units]),
+        ):
+            if not (isfinite(number) and round(number, decimals) > 0.0):
+                raise ReadingsError(f"{name} {number:g}: it must be above 0, with {decimals} decimals")
+        if self.runs < 1:
+            raise ReadingsError(f"{self.runs} runs: at least one each way")
+
+
+def endless_steps(axis: str, step: float, dwell: float, decimals: int) -> str:
+    """Return TB058's program: one step, a pause to read the instrument, and again until the limit.
+
+    Raises:
+        ReadingsError: a step of 0, or one that rounding would add up to another target with every turn.
+
+    >>> print(endless_steps("X", 0.5, 5, 4), end="")
+    G91X.5
+    G4P5
+    M102
+    """
+    if not step or not isfinite(step):
+        raise ReadingsError(f"a step of {step:g}: it must not be 0; its sign is the direction")
+    if abs(step - round(step, decimals)) > ROUNDING * abs(step):
+        raise ReadingsError(
+            f"a step of {step:.9g}: it repeats, so what {decimals} decimals lose of it adds up; a step with "
+            "fewer, or --write cycle"
+        )
+    return f"G91{axis.upper()}{_short(step, decimals)}\nG4P{_short(dwell, WORD_DECIMALS)}\nM102\n"
+
+
+def cycle_program(targets: Sequence[float], cycle: Cycle, travel: tuple[float, float] | None = None) -> str:
+    """Return a program that stops at every target upwards, overruns, and stops at each downwards; each run.
+
+    The first move goes below the lowest target, so that it too is approached from below.
+
+    Raises:
+        ReadingsError: it would leave the travel, or two targets are written alike.
+    """
+    check_targets(targets, cycle.units)
+    low, high = min(targets) - cycle.overrun, max(targets) + cycle.overrun
+    if travel is not None and not travel[0] <= low < high <= travel[1]:
+        raise ReadingsError(
+            f"the cycle goes from {low:g} to {high:g} with its overrun of {cycle.overrun:g}, the travel is "
+            f"{travel[0]:g} to {travel[1]:g}: targets further inside, or a smaller overrun"
+        )
+    return "".join(f"{line}\n" for line in _cycle_lines(targets, cycle))
+
+
+def _cycle_lines(targets: Sequence[float], cycle: Cycle) -> Iterator[str]:
+    decimals, axis = DECIMALS[cycle.units], cycle.axis.upper()
+    first, *stops = bidirectional_cycle(targets, cycle.overrun, cycle.runs)
+    yield " ".join(filter(None, (UNITS_WORDS[cycle.units], "G90 G94")))
+    yield f"G1 {axis}{fixed(first.nominal, decimals)} F{_short(cycle.feed, WORD_DECIMALS)}"
+    for stop in (*stops, first):
+        yield f"G1 {axis}{fixed(stop.nominal, decimals)}"
+        if stop.measure:
+            yield f"G4 P{_short(cycle.dwell, WORD_DECIMALS)}"
+    yield "M30"
+
+
+def fixed(number: float, decimals: int) -> str:
+    """Write a position; what rounds to zero has no sign.
+
+    >>> fixed(-0.0001, 3), fixed(12.5, 3)
+    ('0.000', '12.500')
+    """
+    return f"{round(number, decimals) + 0.0:.{decimals}f}"
+
+
+def _short(number: float, decimals: int) -> str:
+    """Write a number as TB058 does: no zeros that say nothing.
+
+    >>> _short(0.5, 4), _short(-0.5, 4), _short(25, 4), _short(5.0, 3), _short(0.0, 3)
+    ('.5', '-.5', '25', '5', '0')
+    """
+    text = f"{number:.{decimals}f}".rstrip("0").rstrip(".")
+    sign, digits = ("-", text[1:]) if text.startswith("-") else ("", text)
+    digits = digits.removeprefix("0") if digits.startswith("0.") else digits
+    return f"{sign}{digits}"
+
+
+def _check_range(low: float, high: float) -> None:
+    if not (isfinite(low) and isfinite(high) and low < high):
+        raise ReadingsError(f"targets from {low:g} to {high:g}: the lower end first, then the upper")

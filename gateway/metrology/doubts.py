@@ -1,10 +1,13 @@
-"""What looks wrong about readings as a whole: their unit, and ends at which the axis did not go beyond."""
+"""What a person has to know of readings as a whole: unit, ends, scale, a machine that changed meanwhile."""
 
 from collections.abc import Sequence
 from typing import Final
 
 from gateway.compensation.units import Units
-from gateway.metrology.readings import MeanCorrections, Reading, mean_corrections
+from gateway.metrology.drift import drift_line, drift_of, e_with_and_without
+from gateway.metrology.readings import MeanCorrections, Reading, Survey, mean_corrections, small_unit
+from gateway.metrology.scale import LEAST_TURNS, is_short, told_scale
+from gateway.metrology.wrong_runs import aside_notes
 
 TINY_MM: Final = 0.0002
 """No screw is as good: the deviations are given in a larger unit than they are said to be in."""
@@ -13,6 +16,8 @@ HUGE_MM: Final = 1.0
 LOST_AT_AN_END: Final = 0.25
 """Of the smallest reversal elsewhere: below it an end has none."""
 _LEAST_OTHERS: Final = 3
+WORTH_MM: Final = 0.001
+"""Over all targets: a linear part that makes less is not worth a word."""
 
 
 def doubts_of(readings: Sequence[Reading], units: Units) -> list[str]:
@@ -58,3 +63,58 @@ def _ends(means: MeanCorrections, units: Units) -> list[str]:
                 "readings are of one direction: measure with an overrun larger than the lost motion"
             )
     return found
+
+
+def notes_of(
+    survey: Survey,
+    counts_per_unit: float | None = None,
+    *,
+    with_scale: bool = True,
+    lead: float | None = None,
+) -> list[str]:
+    """Return a sentence for each; ``lead`` is the longest length after which the error may repeat.
+
+    Raises:
+        ReadingsError: see :func:`gateway.metrology.readings.mean_corrections`.
+    """
+    notes = aside_notes(survey)
+    notes += _scale_notes(survey, counts_per_unit, lead) if with_scale else []
+    drift = drift_of(survey)
+    if drift is not None:
+        notes.append(drift_line(survey, drift))
+    return notes
+
+
+def _scale_notes(survey: Survey, counts_per_unit: float | None, lead: float | None) -> list[str]:
+    scale = told_scale(survey, lead)
+    if scale is not None:
+        is_worth_it = abs(scale.share) * survey.span > survey.units.from_mm(WORTH_MM)
+        return [scale.describe(counts_per_unit)] if is_worth_it else []
+    if survey.units is Units.DEGREE or not is_short(survey, lead):
+        return []
+    told = "" if lead is not None else ", or tell the lead (--lead) if that is so many turns"
+    said = (
+        f"the readings span {survey.span:.6g} {survey.units.value}, a few turns of the screw: they tell no "
+        f"scale. For it, measure over {LEAST_TURNS} turns and more{told}"
+    )
+    return [said]
+
+
+def json_of(survey: Survey, lead: float | None = None) -> dict[str, object]:
+    """Return the same as plain data; null where there is nothing."""
+    scale, drift, small = told_scale(survey, lead), drift_of(survey), small_unit(survey.units)
+    was, steady = (0.0, 0.0) if drift is None else e_with_and_without(survey, drift)
+    return {
+        "scale": None
+        if scale is None
+        else {"um_per_m": scale.share * 1e6, "counts_per_unit_factor": scale.counts_factor},
+        "drift": None
+        if drift is None
+        else {
+            "growth_um_per_m": drift.growth * 1e6,
+            "kelvin_of_steel": drift.kelvin_of_steel,
+            f"shift_{small.key}": drift.offset * small.factor,
+            f"e_{small.key}": was * small.factor,
+            f"e_without_{small.key}": steady * small.factor,
+        },
+    }

@@ -15,10 +15,9 @@ from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
-from gateway.metrology.deviation import Small, small_unit
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import evaluate
-from gateway.metrology.readings import Reading, Survey
+from gateway.metrology.readings import Reading, Small, Survey, by_approach, small_unit
 
 STEEL: Final = 11.5
 """µm a metre and kelvin: what screws are made of."""
@@ -73,8 +72,8 @@ def drift_of(survey: Survey) -> Drift | None:
     runs = {each.run for each in survey.readings}
     if len(runs) < LEAST_RUNS or len(rows) < 2 * LEAST_RUNS:
         return None
-    targets = [each.target for each in survey.readings]
-    low, high = min(targets), max(targets)
+    targets = survey.targets
+    low, high = targets[0], targets[-1]
     found = _fit([(time, place - low, rest) for time, place, rest in rows])
     if found is None:
         return None
@@ -98,11 +97,8 @@ def _time(reading: Reading) -> float:
 
 def _rows(readings: Sequence[Reading]) -> list[tuple[float, float, float]]:
     """Return time, place and rest of each reading, all less their means at the target and direction."""
-    groups: dict[tuple[float, Direction], list[Reading]] = {}
-    for each in readings:
-        groups.setdefault((each.target, each.direction), []).append(each)
     rows = []
-    for group in groups.values():
+    for group in by_approach(readings).values():
         if len(group) < 2:
             continue
         mean, middle = fmean(each.deviation for each in group), fmean(_time(each) for each in group)

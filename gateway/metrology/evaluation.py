@@ -10,15 +10,36 @@ the sample standard deviation ``s`` (n - 1); ``B`` is the difference of both mea
 
 Source: the formulas of ISO 230-2 (clauses 2 and 4) as two public calculators and the literature give them;
 the standard itself was not at hand. All results are in the units of the readings.
+
+What the standard asks of a test is held against readings before its name is printed beside figures. Up to
+2 m: at least five targets a metre and five in all, five runs in each direction at every target, both
+directions, and intervals that are not even, so that periodic errors are met at other phases. Beyond 2 m the
+intervals are at most 250 mm and one run each way is the least. Source: the standard's text as textbooks and
+makers of instruments give it.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from statistics import fmean, stdev
+from typing import Final
 
-from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
-from gateway.metrology.errors import ReadingsError
-from gateway.metrology.readings import APPROACHES, Survey, check_reading
+from gateway.metrology.cycle import enough_targets
+from gateway.metrology.lead import even_step
+from gateway.metrology.readings import APPROACHES, Reading, Survey, checked_approaches
+
+NAMES: Final = (
+    ("A", "accuracy"),
+    ("R", "repeatability"),
+    ("E", "systematic error"),
+    ("M", "mean systematic error"),
+    ("B", "reversal, largest"),
+    ("Bm", "reversal, mean"),
+)
+"""Results of ISO 230-2, and what they are called."""
+RUNS: Final = 5
+LONG_MM: Final = 2000.0
+LONG_INTERVAL_MM: Final = 250.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,12 +110,7 @@ def evaluate(survey: Survey) -> Evaluation:
     Raises:
         ReadingsError: no readings, or one that is no number.
     """
-    found: dict[tuple[float, Direction], list[float]] = {}
-    for number, reading in enumerate(survey.readings, start=1):
-        check_reading(reading, number)
-        found.setdefault((reading.target, reading.direction), []).append(reading.deviation)
-    if not found:
-        raise ReadingsError("no readings: measure every target from both sides")
+    found = checked_approaches(survey.readings)
     targets = tuple(
         TargetStatistics(target, *(_approach(found.get((target, way))) for way in APPROACHES))
         for target in sorted({target for target, _ in found})
@@ -125,9 +141,10 @@ def evaluate(survey: Survey) -> Evaluation:
     )
 
 
-def _approach(deviations: list[float] | None) -> Approach | None:
-    if deviations is None:
+def _approach(group: list[Reading] | None) -> Approach | None:
+    if group is None:
         return None
+    deviations = [each.deviation for each in group]
     return Approach(tuple(deviations), fmean(deviations), stdev(deviations) if len(deviations) > 1 else None)
 
 
@@ -155,3 +172,96 @@ def _bidirectional_repeatability(targets: tuple[TargetStatistics, ...]) -> float
 def _accuracy(approaches: list[Approach]) -> float | None:
     bounds = [(each.mean - 2 * each.s, each.mean + 2 * each.s) for each in approaches if each.s is not None]
     return _spread(bounds) if len(bounds) == len(approaches) else None
+
+
+# --- As data
+
+
+def values_of(found: Evaluation) -> dict[str, tuple[float | None, float | None, float | None]]:
+    """Return forward, backward and both of each result."""
+    return {
+        "A": (found.accuracy_forward, found.accuracy_backward, found.accuracy),
+        "R": (found.repeatability_forward, found.repeatability_backward, found.repeatability),
+        "E": (found.systematic_forward, found.systematic_backward, found.systematic),
+        "M": (None, None, found.mean_systematic),
+        "B": (None, None, found.reversal),
+        "Bm": (None, None, found.mean_reversal),
+    }
+
+
+def results_json(found: Evaluation) -> dict[str, object]:
+    """Return the results as plain data, in the units of the readings; null where the readings carry none."""
+    values = values_of(found)
+    return {
+        "units": found.units.value,
+        "is_iso_230_2": not missing_of(found),
+        "missing": list(missing_of(found)),
+        "forward": {name: values[name][0] for name in ("A", "R", "E")},
+        "backward": {name: values[name][1] for name in ("A", "R", "E")},
+        "both": {name: values[name][2] for name, _ in NAMES},
+        "targets": [
+            {
+                "target": each.target,
+                "runs": [len(way.deviations) if way else 0 for way in (each.forward, each.backward)],
+                "mean": [way.mean if way else None for way in (each.forward, each.backward)],
+                "s": [way.s if way else None for way in (each.forward, each.backward)],
+                "reversal": each.reversal,
+            }
+            for each in found.targets
+        ],
+    }
+
+
+# --- What the standard asks of a test
+
+
+def missing_of(found: Evaluation) -> tuple[str, ...]:
+    """Return what a test after ISO 230-2 would have and these readings have not; empty: nothing is missing.
+
+    Rotary axes are held against runs and directions only.
+    """
+    targets = [each.target for each in found.targets]
+    length_mm = (targets[-1] - targets[0]) / found.units.from_mm(1.0)
+    is_long = length_mm > LONG_MM
+    missing = []
+    if found.units is not Units.DEGREE:
+        missing += _targets(targets, length_mm, found.units, is_long=is_long)
+    one_sided = sum(each.forward is None or each.backward is None for each in found.targets)
+    if one_sided == len(targets) and not any(each.forward and each.backward for each in found.targets):
+        missing.append("one direction only, of both")
+    elif one_sided:
+        missing.append(f"{one_sided} of {len(targets)} targets approached from one side only")
+    fewest = min(
+        len(way.deviations) for each in found.targets for way in (each.forward, each.backward) if way
+    )
+    least = 1 if is_long else RUNS
+    if fewest < least:
+        missing.append(f"{fewest} run{'s' * (fewest != 1)} in each direction, of {least}")
+    if found.units is not Units.DEGREE and len(targets) > 2 and (step := even_step(targets)):
+        missing.append(
+            f"even intervals of {step:.6g} {found.units.value}, where irregular ones are asked for"
+        )
+    return tuple(missing)
+
+
+def _targets(targets: list[float], length_mm: float, units: Units, *, is_long: bool) -> list[str]:
+    if is_long:
+        widest = max(high - low for low, high in pairwise(targets))
+        if widest > units.from_mm(LONG_INTERVAL_MM) * (1 + 1e-9):
+            return [
+                f"an interval of {widest:.6g} {units.value}, of at most {units.from_mm(LONG_INTERVAL_MM):g}"
+            ]
+        return []
+    needed = enough_targets(length_mm)
+    return [f"{len(targets)} targets, of {needed} on this length"] if len(targets) < needed else []
+
+
+def title_of(found: Evaluation) -> str:
+    """Return what figures of these readings may be called."""
+    return "ISO 230-2" if not missing_of(found) else "by the formulas of ISO 230-2"
+
+
+def missing_line(found: Evaluation) -> str:
+    """Say what is missing, in one sentence; empty where nothing is."""
+    missing = missing_of(found)
+    return f"no test after ISO 230-2: {'; '.join(missing)}" if missing else ""

@@ -2,11 +2,11 @@
 
 Lines from target to target, a smooth curve, and one with harmonics of the lead are all made into tables and
 judged alike: by what each would leave of the curves that the readings allow (:meth:`Screw.leaves`). Of those
-that leave as little the plainest is taken, with the fewest points. Needs numpy, and is imported where it is
+that leave as little the plainest is taken, with the fewest recipe. Needs numpy, and is imported where it is
 used.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, floor, log10
 from typing import Final
@@ -17,12 +17,11 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.metrology.build import HomeCase, HomeReference
-from gateway.metrology.deviation import small_unit
+from gateway.metrology.build import Fit, Recipe, Shape
 from gateway.metrology.lead import lead_warnings
+from gateway.metrology.readings import small_unit
 from gateway.metrology.resample import DIGITS, at_positions, fewest_points, grid_positions
 from gateway.metrology.screw import Harmonic, Jump, Screw
-from gateway.metrology.shapes import Fit, Shape
 
 LEAST_FITTED: Final = 9
 """Through fewer targets lines are as good as any curve, and what was read stays in the table as it was."""
@@ -39,20 +38,6 @@ JUMP_PARTS: Final = 8
 CLEARLY: Final = 1.25
 """So many times as much must be left before another format is worth a word."""
 MOST_POINTS: Final = 20_000
-
-Refusal = Callable[[CorrectionTable], str | None]
-
-
-@dataclass(frozen=True, slots=True)
-class Points:
-    """Which points a table is to have; see :class:`gateway.metrology.recipe.Recipe`."""
-
-    step: float | None = None
-    tolerance: float | None = None
-    travel: tuple[float, float] | None = None
-    one_way: bool = False
-    refusal: Refusal | None = None
-    """Why a table cannot be written, and what to do; None for one that can."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,19 +72,75 @@ class Evidence:
     is_told: bool = True
     """Whether the readings tell what is left; otherwise a candidate's ``left_out`` only compares."""
 
+    def described(self, units: Units, subject: str) -> list[str]:
+        """Say what the ``subject`` follows and why, and what repeats."""
+        chosen, small = self.chosen, small_unit(units)
+        where = "its points at the targets"
+        if chosen.at_nut:
+            where = "its points where the nut stood, not where it was sent"
+        elif chosen.step is not None:
+            where = f"a point every {chosen.step:.6g} {units.value}"
+        missed = ", ".join(f"{each.shape.words} {small.text(each.misses)}" for each in self.candidates)
+        first = (
+            f"the {subject} follows {chosen.shape.words}, {where}; by so much each misses a target that is "
+            f"left out (root mean square): {missed}"
+        )
+        notes = [first]
+        if self.unheld is not None:
+            other = self.unheld
+            less = "less"
+            if self.is_told:
+                less = f"E = {small.text(other.left_out)} instead of {small.text(chosen.left_out)}"
+            notes.append(
+                f"{other.shape.words} in {len(other.table.positions)} points would leave {less}, but cannot "
+                f"be written: {other.refused}"
+            )
+        notes.extend(f"{each.period.name}: {_of_harmonic(each, units)}" for each in self.harmonics)
+        return notes
 
-def choose(
-    screw: Screw, lines: CorrectionTable, wish: Fit, points: Points, home: HomeCase | HomeReference | None
-) -> Evidence:
+    def as_data(self) -> dict[str, object]:
+        """Return why a table follows what it follows, as plain data."""
+        chosen = self.chosen
+        small = small_unit(chosen.table.units)
+        return {
+            "follows": chosen.shape.value,
+            "step": chosen.step,
+            "points_where_the_nut_stood": chosen.at_nut,
+            "candidates": [
+                {
+                    "follows": each.shape.value,
+                    "points": len(each.table.positions),
+                    f"left_out_rms_{small.key}": each.misses * small.factor,
+                    f"left_out_e_{small.key}": each.left_out * small.factor if self.is_told else None,
+                }
+                for each in self.candidates
+            ],
+            "harmonics": [
+                {
+                    "name": each.period.name,
+                    "period": each.period.length,
+                    f"amplitude_{small.key}": None
+                    if each.amplitude is None
+                    else each.amplitude * small.factor,
+                    "phase_deg": each.phase_deg,
+                    "p": each.significance,
+                }
+                for each in self.harmonics
+            ],
+            "warnings": list(self.warnings),
+        }
+
+
+def choose(screw: Screw, lines: CorrectionTable, recipe: Recipe) -> Evidence:
     """Make a table of each shape that is allowed, and choose; ``lines`` is the one that is there already.
 
-    ``home`` takes nothing off here but moves the knots: the error at the place of the drive is meant from
-    home on.
+    The home of a recipe takes nothing off here but moves the knots: the error at the place of the drive is
+    meant from home on.
     """
     held: list[Candidate] = []
     unheld: list[Candidate] = []
-    for shape in _shapes(screw, wish):
-        fitting, others = _of(screw, shape, lines, points, home)
+    for shape in _shapes(screw, recipe):
+        fitting, others = _of(screw, shape, lines, recipe)
         held.extend([_plainest(fitting, screw.units)] if fitting else [])
         unheld.extend([_plainest(others, screw.units)] if others else [])
     if not held:
@@ -112,33 +153,6 @@ def choose(
     return Evidence(
         chosen, tuple(held), screw.harmonics, warnings_of(screw), better, is_told=not screw.unseen
     )
-
-
-def described(evidence: Evidence, units: Units, subject: str) -> list[str]:
-    """Say what the ``subject`` follows and why, and what repeats."""
-    chosen, small = evidence.chosen, small_unit(units)
-    where = "its points at the targets"
-    if chosen.at_nut:
-        where = "its points where the nut stood, not where it was sent"
-    elif chosen.step is not None:
-        where = f"a point every {chosen.step:.6g} {units.value}"
-    missed = ", ".join(f"{each.shape.words} {small.text(each.misses)}" for each in evidence.candidates)
-    first = (
-        f"the {subject} follows {chosen.shape.words}, {where}; by so much each misses a target that is left "
-        f"out (root mean square): {missed}"
-    )
-    notes = [first]
-    if evidence.unheld is not None:
-        other = evidence.unheld
-        less = "less"
-        if evidence.is_told:
-            less = f"E = {small.text(other.left_out)} instead of {small.text(chosen.left_out)}"
-        notes.append(
-            f"{other.shape.words} in {len(other.table.positions)} points would leave {less}, but cannot be "
-            f"written: {other.refused}"
-        )
-    notes.extend(f"{each.period.name}: {_of_harmonic(each, units)}" for each in evidence.harmonics)
-    return notes
 
 
 def _of_harmonic(harmonic: Harmonic, units: Units) -> str:
@@ -171,7 +185,9 @@ def _jump_warning(jump: Jump, units: Units) -> str:
     )
 
 
-def _shapes(screw: Screw, wish: Fit) -> tuple[Shape, ...]:
+def _shapes(screw: Screw, recipe: Recipe) -> tuple[Shape, ...]:
+    # Lines that were smoothed stay as they are.
+    wish = Fit.LINES if recipe.smooth is not None else recipe.fit or Fit.LINES
     if wish is Fit.AUTO:
         return screw.shapes if len(screw.means.targets) >= LEAST_FITTED else (Shape.LINES,)
     shape = Shape(wish.value)
@@ -189,14 +205,13 @@ def _of(
     screw: Screw,
     shape: Shape,
     lines: CorrectionTable,
-    points: Points,
-    home: HomeCase | HomeReference | None,
+    recipe: Recipe,
 ) -> tuple[list[Candidate], list[Candidate]]:
     """Return the tables of a shape, from few points to many: those that can be written, and the others."""
     held: list[Candidate] = []
     others: list[Candidate] = []
-    for table, step, at_nut in _tables(screw, shape, lines, points, home):
-        refused = points.refusal(table) if points.refusal is not None else None
+    for table, step, at_nut in _tables(screw, shape, lines, recipe):
+        refused = recipe.refusal(table) if recipe.refusal is not None else None
         found = Candidate(
             shape, table, screw.misses(shape), screw.leaves(table), step, at_nut=at_nut, refused=refused
         )
@@ -208,36 +223,35 @@ def _tables(
     screw: Screw,
     shape: Shape,
     lines: CorrectionTable,
-    points: Points,
-    home: HomeCase | HomeReference | None,
+    recipe: Recipe,
 ) -> Iterator[tuple[CorrectionTable, float | None, bool]]:
     """Yield tables from few points to many."""
     if shape is Shape.LINES:
-        is_free = points.step is None and points.tolerance is None
-        nut = _at_nut(screw, lines, points, home) if is_free else None
-        if nut is not None and (points.refusal is None or points.refusal(nut) is None):
+        is_free = recipe.step is None and recipe.tolerance is None
+        nut = _at_nut(screw, lines, recipe) if is_free else None
+        if nut is not None and (recipe.refusal is None or recipe.refusal(nut) is None):
             yield nut, None, True
         else:
             yield lines, None, False
         return
     low, high = screw.means.targets[0], screw.means.targets[-1]
-    if points.step is not None:
-        positions = grid_positions(points.step, points.travel or (lines.first, lines.last), lines.units)
-        yield _table(screw, shape, positions, points, home, reach=points.step), points.step, False
+    if recipe.step is not None:
+        positions = grid_positions(recipe.step, recipe.travel or (lines.first, lines.last), lines.units)
+        yield _table(screw, shape, positions, recipe, reach=recipe.step), recipe.step, False
         return
-    if shape is Shape.SMOOTH and points.tolerance is None:
-        yield _table(screw, shape, screw.means.targets, points, home), None, False
+    if shape is Shape.SMOOTH and recipe.tolerance is None:
+        yield _table(screw, shape, screw.means.targets, recipe), None, False
     finest = None
     for step in _steps(screw, shape):
         first, last = floor(low / step + 1e-9), ceil(high / step - 1e-9)
         if last - first > MOST_POINTS:
             break
         positions = [round(index * step, DIGITS) + 0.0 for index in range(first, last + 1)]
-        finest = _table(screw, shape, positions, points, home, reach=step)
-        if points.tolerance is None:
+        finest = _table(screw, shape, positions, recipe, reach=step)
+        if recipe.tolerance is None:
             yield finest, step, False
-    if points.tolerance is not None and finest is not None:
-        yield fewest_points(finest, points.tolerance)[0], None, False
+    if recipe.tolerance is not None and finest is not None:
+        yield fewest_points(finest, recipe.tolerance)[0], None, False
 
 
 def _steps(screw: Screw, shape: Shape) -> Iterator[float]:
@@ -267,17 +281,15 @@ def _round_down(length: float) -> float:
     )
 
 
-def _at_nut(
-    screw: Screw, lines: CorrectionTable, points: Points, home: HomeCase | HomeReference | None
-) -> CorrectionTable | None:
+def _at_nut(screw: Screw, lines: CorrectionTable, recipe: Recipe) -> CorrectionTable | None:
     """Return the lines with their points where the nut stood; None where that changes nothing."""
     if tuple(lines.positions) != screw.means.targets:
         return None
-    offset = _offset(screw, Shape.LINES, lines, home)
+    offset = _offset(screw, Shape.LINES, lines, recipe)
     places = screw.nut_positions(offset)
     try:
         moved = screw.table(
-            Shape.LINES, [round(place, DIGITS) for place in places], offset=offset, one_way=points.one_way
+            Shape.LINES, [round(place, DIGITS) for place in places], offset=offset, one_way=recipe.one_way
         )
     except TableError:
         return None
@@ -295,27 +307,24 @@ def _table(
     screw: Screw,
     shape: Shape,
     positions: Sequence[float],
-    points: Points,
-    home: HomeCase | HomeReference | None,
+    recipe: Recipe,
     *,
     reach: float = 0.0,
 ) -> CorrectionTable:
     """Return the curve at points; farther than ``reach`` beyond the targets its value there is held."""
     low, high = screw.means.targets[0] - reach, screw.means.targets[-1] + reach
     inside = [x for x in positions if low <= x <= high]
-    probe = screw.table(shape, inside, one_way=points.one_way)
-    offset = _offset(screw, shape, probe, home)
-    table = screw.table(shape, inside, offset=offset, one_way=points.one_way) if offset else probe
+    probe = screw.table(shape, inside, one_way=recipe.one_way)
+    offset = _offset(screw, shape, probe, recipe)
+    table = screw.table(shape, inside, offset=offset, one_way=recipe.one_way) if offset else probe
     if len(inside) == len(positions):
         return table
     return at_positions(table, positions)
 
 
-def _offset(
-    screw: Screw, shape: Shape, table: CorrectionTable, home: HomeCase | HomeReference | None
-) -> float:
+def _offset(screw: Screw, shape: Shape, table: CorrectionTable, recipe: Recipe) -> float:
     """Return the correction at home, which is 0 by definition."""
-    reference = home.reference(table) if isinstance(home, HomeCase) else home
+    reference = recipe.reference(table)
     if reference is None:
         return 0.0
     at = np.array([reference.position])

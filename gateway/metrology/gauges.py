@@ -23,8 +23,6 @@ of the other sign. Nothing is guessed: a line that is not exactly one of these i
 """
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 from gateway.metrology.errors import MetrologyError
@@ -42,24 +40,6 @@ _ENDS: Final = re.compile(rb"\r\n|\r|\n")
 class GaugeError(MetrologyError):
     """A line that is no reading; it shows the line and says what to do."""
 
-
-@dataclass(frozen=True, slots=True)
-class GaugeDefaults:
-    """How a gauge is usually connected, and what asks it for a reading; "" where a button sends it."""
-
-    baudrate: int
-    data_bits: int
-    parity: str
-    stop_bits: int
-    request: str
-
-
-DEFAULTS: Final[Mapping[GaugeKind, GaugeDefaults]] = {
-    GaugeKind.MITUTOYO: GaugeDefaults(9600, 8, "N", 1, ""),
-    GaugeKind.SYLVAC: GaugeDefaults(4800, 7, "E", 2, "?\r"),
-    GaugeKind.MILLIMAR: GaugeDefaults(9600, 7, "E", 2, "M1?\r"),
-    GaugeKind.PATTERN: GaugeDefaults(9600, 8, "N", 1, ""),
-}
 
 _MITUTOYO: Final = re.compile(r"(\d\d)A([+-])(\d{1,8}\.\d{0,6})")
 _MITUTOYO_ERROR: Final = re.compile(r"9\d\d?")

@@ -16,7 +16,7 @@ from statistics import fmean, median
 from typing import Final
 
 from gateway.compensation.direction import Direction
-from gateway.metrology.readings import APPROACHES, Reading, Survey
+from gateway.metrology.readings import APPROACHES, Reading, Survey, by_approach
 from gateway.metrology.wrong_runs import without_runs, wrong_runs
 
 NORMAL: Final = 0.6745
@@ -30,7 +30,7 @@ LEAST_TARGETS: Final = 7
 NOISE_MM: Final = 0.0005
 FEW: Final = {3: 1.495, 4: 1.363, 5: 1.206, 6: 1.200, 7: 1.140, 8: 1.129, 9: 1.107}
 
-_Group = dict[tuple[Direction, float], list[Reading]]
+_Groups = dict[tuple[float, Direction], list[Reading]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +60,7 @@ def find_outliers(survey: Survey) -> tuple[Outlier, ...]:
     Those of a run that is wrong as a whole are not among them: that run has one fault, not many.
     """
     survey = without_runs(survey, wrong_runs(survey))
-    groups: _Group = {}
-    for reading in survey.readings:
-        groups.setdefault((reading.direction, reading.target), []).append(reading)
+    groups = by_approach(survey.readings)
     floor = NORMAL * survey.units.from_mm(NOISE_MM)
     found = [*_against_runs(groups, floor)]
     for way in APPROACHES:
@@ -92,7 +90,7 @@ def without_outliers(
     return tuple(reading for reading in left if reading.target not in emptied), tuple(sorted(emptied))
 
 
-def _against_runs(groups: _Group, floor: float) -> Iterable[Outlier]:
+def _against_runs(groups: _Groups, floor: float) -> Iterable[Outlier]:
     enough = {key: group for key, group in groups.items() if len(group) >= LEAST_RUNS}
     middles = {key: median(reading.deviation for reading in group) for key, group in enough.items()}
     spreads = {key: _mad(group, middles[key]) for key, group in enough.items()}
@@ -114,11 +112,11 @@ def _mad(group: Sequence[Reading], middle: float) -> float:
     return median(abs(reading.deviation - middle) for reading in group)
 
 
-def _against_neighbours(groups: _Group, way: Direction, floor: float) -> Iterable[Outlier]:
-    targets = sorted(target for direction, target in groups if direction is way)
+def _against_neighbours(groups: _Groups, way: Direction, floor: float) -> Iterable[Outlier]:
+    targets = sorted(target for target, direction in groups if direction is way)
     if len(targets) < LEAST_TARGETS:
         return
-    middles = {target: median(r.deviation for r in groups[way, target]) for target in targets}
+    middles = {target: median(r.deviation for r in groups[target, way]) for target in targets}
     distances = _distances(targets, middles)
     usual = median(distances.values())
     scale = max(median(abs(distance - usual) for distance in distances.values()), floor)
@@ -127,7 +125,7 @@ def _against_neighbours(groups: _Group, way: Direction, floor: float) -> Iterabl
         for target, nears in _neighbours(targets).items()
     }
     for target, distance in distances.items():
-        group = groups[way, target]
+        group = groups[target, way]
         # A slip bends the lines of both its neighbours by half as much: only the sharpest bend is the slip.
         if len(group) >= LEAST_RUNS or abs(distance) <= beside[target]:
             continue

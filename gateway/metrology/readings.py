@@ -1,22 +1,32 @@
-"""What an instrument measured: the raw material of a table."""
+"""What an instrument measured, what its file says beside it, and which readings go together.
 
+A file of ``pitch-gateway measure`` says ``# compensation: off``, or ``active`` with the SHA-256 of the table
+that was in force; a person may write ``off`` or ``on``. Where nothing is said, nothing is concluded.
+"""
+
+import re
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import inf, isfinite
 from statistics import fmean, median
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.compensation.direction import Direction
-from gateway.compensation.units import Units
-from gateway.metrology.circumstances import check_together, is_same_axis
+from gateway.compensation.units import MM_PER_INCH, Units
 from gateway.metrology.errors import ReadingsError
 
 NEAR: Final = 0.01
 """Targets nearer than this share of the usual distance are one target, written in two ways; of several files
 it is the distance of the finest."""
 APPROACHES = (Direction.FORWARD, Direction.BACKWARD)
+COMPENSATION: Final = "compensation"
+STATED: Final = (COMPENSATION, "axis")
+"""The facts that decide something, in lower case."""
+_OFF: Final = ("off", "none", "no", "without")
+_ON: Final = ("on", "active", "yes", "with")
+_DIGEST: Final = re.compile(r"\b[0-9a-f]{64}\b")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +65,17 @@ class Survey:
     facts: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
+    @property
+    def targets(self) -> list[float]:
+        """Every target once, in ascending order."""
+        return sorted({each.target for each in self.readings})
+
+    @property
+    def span(self) -> float:
+        """From the lowest target to the highest."""
+        targets = self.targets
+        return targets[-1] - targets[0]
+
     def in_units(self, units: Units) -> "Survey":
         """Return the same readings in other units.
 
@@ -69,6 +90,34 @@ class Survey:
             for each in self.readings
         )
         return replace(self, readings=tuple(readings), units=units)
+
+
+class Small(NamedTuple):
+    """``factor`` turns a length in the units of the axis into this one; ``key`` is its name in plain data."""
+
+    name: str
+    key: str
+    factor: float
+
+    def text(self, length: float) -> str:
+        """Write a length with its unit.
+
+        >>> small_unit(Units.MM).text(0.00123)
+        '1.23 µm'
+        """
+        return f"{length * self.factor:.2f} {self.name}"
+
+
+_SMALL: Final = {
+    Units.MM: Small("µm", "um", 1000.0),
+    Units.INCH: Small("µm", "um", MM_PER_INCH * 1000.0),
+    Units.DEGREE: Small("arcsec", "arcsec", 3600.0),
+}
+
+
+def small_unit(units: Units) -> Small:
+    """Return the small unit of an axis."""
+    return _SMALL[units]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,18 +135,71 @@ def mean_corrections(readings: Iterable[Reading]) -> MeanCorrections:
     Raises:
         ReadingsError: no readings, a number that is not finite, or a reading without a direction.
     """
-    found: dict[tuple[float, Direction], list[float]] = {}
-    for number, reading in enumerate(readings, start=1):
-        check_reading(reading, number)
-        found.setdefault((reading.target, reading.direction), []).append(reading.target - reading.measured)
-    if not found:
-        raise ReadingsError("no readings: measure every target from both sides")
+    groups = checked_approaches(readings)
+    found = {key: fmean(each.target - each.measured for each in group) for key, group in groups.items()}
     targets = tuple(sorted({target for target, _ in found}))
-    forward, backward = (
-        tuple(fmean(found[target, way]) if (target, way) in found else None for target in targets)
+    forward, backward = (tuple(found.get((target, way)) for target in targets) for way in APPROACHES)
+    return MeanCorrections(targets, forward, backward)
+
+
+def by_approach(readings: Iterable[Reading]) -> dict[tuple[float, Direction], list[Reading]]:
+    """Return the readings at each target in each direction, in their order."""
+    found: dict[tuple[float, Direction], list[Reading]] = {}
+    for each in readings:
+        found.setdefault((each.target, each.direction), []).append(each)
+    return found
+
+
+def checked_approaches(readings: Iterable[Reading]) -> dict[tuple[float, Direction], list[Reading]]:
+    """Do what :func:`by_approach` does, with readings that can be calculated with.
+
+    Raises:
+        ReadingsError: no readings, a number that is not finite, or a reading without a direction.
+    """
+    known = tuple(readings)
+    for number, reading in enumerate(known, start=1):
+        check_reading(reading, number)
+    if not known:
+        raise ReadingsError("no readings: measure every target from both sides")
+    return by_approach(known)
+
+
+def check_reading(reading: Reading, number: int) -> None:
+    """Check one reading; ``number`` counts from 1.
+
+    Raises:
+        ReadingsError: a number that is not finite, or no direction.
+    """
+    if not isfinite(reading.target) or not isfinite(reading.measured):
+        raise ReadingsError(
+            f"reading {number}: target {reading.target}, measured {reading.measured}: "
+            "both must be finite numbers"
+        )
+    if reading.direction not in APPROACHES:
+        raise ReadingsError(
+            f"reading {number} at {reading.target:.9g}: direction {reading.direction.name.lower()}; "
+            "it must be forward or backward, as the target was approached"
+        )
+
+
+def understood(survey: Survey) -> str:
+    """Say axis, unit, targets, runs of each direction, and the sign by its largest deviations."""
+    small = small_unit(survey.units)
+    targets = survey.targets
+    deviations = [each.deviation * small.factor for each in survey.readings]
+    runs = " and ".join(
+        f"{len({each.run for each in survey.readings if each.direction is way})} {way.name.lower()}"
         for way in APPROACHES
     )
-    return MeanCorrections(targets, forward, backward)
+    axis = f"axis {survey.axis}" if survey.axis else "an axis without a name"
+    return (
+        f"{survey.source}: {axis}, {survey.units.value}, {len(targets)} targets from {targets[0]:.9g} to "
+        f"{targets[-1]:.9g}, runs {runs}; deviations {min(deviations):+.4g} to {max(deviations):+.4g} "
+        f"{small.name}, positive where the nut went too far"
+    )
+
+
+# --- Several surveys of one axis
 
 
 def merged(surveys: Sequence[Survey]) -> Survey:
@@ -140,7 +242,7 @@ def merged(surveys: Sequence[Survey]) -> Survey:
 
 def _usual_distance(survey: Survey) -> float:
     """Return the median distance of neighbouring targets; infinity with one target."""
-    targets = sorted({reading.target for reading in survey.readings})
+    targets = survey.targets
     return median([high - low for low, high in pairwise(targets)] or [inf])
 
 
@@ -151,7 +253,7 @@ def _check_targets(readings: Sequence[Reading], other: Survey, nearer: float) ->
         ReadingsError: one lies beside another by less than ``nearer``.
     """
     targets = sorted({reading.target for reading in readings})
-    for spelt in sorted({reading.target for reading in other.readings}):
+    for spelt in other.targets:
         at = bisect_left(targets, spelt)
         for near in targets[max(at - 1, 0) : at + 1]:
             if 0.0 < abs(near - spelt) < nearer < inf:
@@ -171,19 +273,94 @@ def _doubled(surveys: Sequence[Survey]) -> list[str]:
     ]
 
 
-def check_reading(reading: Reading, number: int) -> None:
-    """Check one reading; ``number`` counts from 1.
+# --- What the facts decide: of which axis readings are, and with a table or without
+
+
+def was_corrected(facts: Mapping[str, str]) -> bool | None:
+    """Whether a table was in use; None where the facts do not say it.
+
+    >>> [was_corrected({"compensation": said}) for said in ("off", "on, table 3", "?")]
+    [False, True, None]
+    """
+    word = re.match(r"[a-z]*", facts.get(COMPENSATION, "").strip().lower())
+    if word is None or word[0] not in (*_OFF, *_ON):
+        return None
+    return word[0] in _ON
+
+
+def table_digest(facts: Mapping[str, str]) -> str | None:
+    """Return the SHA-256 of the table that was in use, None where it is not said."""
+    found = _DIGEST.search(facts.get(COMPENSATION, "").lower())
+    return found[0] if found else None
+
+
+def is_same_axis(one: str | None, other: str | None) -> bool:
+    """Whether two names may be of one axis; only letters are compared, a longer name is a text for people.
+
+    >>> is_same_axis("x", "X"), is_same_axis("x", None), is_same_axis("x", "y"), is_same_axis("x", "X-axis")
+    (True, True, False, True)
+    """
+    if not one or not other or len(one) != 1 or len(other) != 1:
+        return True
+    return one.casefold() == other.casefold()
+
+
+def check_same_axis(name: str, axis: str | None, other: str, other_axis: str | None) -> None:
+    """Check that two files are of one axis. Raises ReadingsError."""
+    if not is_same_axis(axis, other_axis):
+        raise ReadingsError(
+            f"{name} is of axis {axis}, {other} of axis {other_axis}: give two files of one axis, or "
+            "correct the line in the file that names the wrong one"
+        )
+
+
+def check_uncorrected(name: str, facts: Mapping[str, str], instead: str) -> None:
+    """Check that readings can show the whole error of an axis; ``instead`` is what can be done with others.
 
     Raises:
-        ReadingsError: a number that is not finite, or no direction.
+        ReadingsError: a table was in use.
     """
-    if not isfinite(reading.target) or not isfinite(reading.measured):
+    if was_corrected(facts):
         raise ReadingsError(
-            f"reading {number}: target {reading.target}, measured {reading.measured}: "
-            "both must be finite numbers"
+            f"{name}: was measured with a table in use (# {COMPENSATION}: {facts[COMPENSATION]}), so it "
+            f"shows what that table left, not the error of the axis: {instead}; or "
+            "correct that line if it is wrong"
         )
-    if reading.direction not in APPROACHES:
+
+
+def check_corrected(name: str, facts: Mapping[str, str], table: str, digest: str) -> None:
+    """Check that readings can show what a table left of the error.
+
+    Raises:
+        ReadingsError: none was in use, or another one.
+    """
+    if was_corrected(facts) is False:
         raise ReadingsError(
-            f"reading {number} at {reading.target:.9g}: direction {reading.direction.name.lower()}; "
-            "it must be forward or backward, as the target was approached"
+            f"{name}: was measured without a table (# {COMPENSATION}: {facts[COMPENSATION]}), so it shows "
+            f"the whole error, and {table} with it would correct twice: make a table of these readings with "
+            "table build; or correct that line if it is wrong"
+        )
+    stated = table_digest(facts)
+    if stated is not None and stated != digest:
+        raise ReadingsError(
+            f"{name}: was measured with the table of SHA-256 {stated[:12]}…, and {table} has {digest[:12]}…: "
+            "give the table that was in use, as it was; or take that line out if it is the same in "
+            "another file"
+        )
+
+
+def check_together(name: str, facts: Mapping[str, str], other: str, other_facts: Mapping[str, str]) -> None:
+    """Check that readings of two files can make one mean.
+
+    Raises:
+        ReadingsError: one was measured with a table and the other without, or with another one.
+    """
+    one, two = was_corrected(facts), was_corrected(other_facts)
+    digests = table_digest(facts), table_digest(other_facts)
+    if (one is not None and two is not None and one is not two) or (
+        all(digests) and digests[0] != digests[1]
+    ):
+        raise ReadingsError(
+            f"{name} was measured with {COMPENSATION} {facts[COMPENSATION]}, {other} with "
+            f"{other_facts[COMPENSATION]}: their readings have no mean in common"
         )

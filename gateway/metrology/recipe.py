@@ -1,58 +1,37 @@
 """The whole way from readings to a table, with everything that a person has to know about it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.build import (
+    Fit,
     HomeCase,
     HomeReference,
+    Recipe,
+    Shape,
     build_table,
     referenced,
     with_estimated_ends,
 )
 from gateway.metrology.doubts import doubts_of
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.lead import Period
 from gateway.metrology.outliers import Outlier, find_outliers, without_outliers
 from gateway.metrology.readings import APPROACHES, Reading, Survey, mean_corrections
-from gateway.metrology.resample import Loss, fewest_points, on_grid, with_point
-from gateway.metrology.shapes import Fit, Shape
-from gateway.metrology.smooth import Change, smoothed
+from gateway.metrology.resample import fewest_points, on_grid, smoothed, with_point
+from gateway.metrology.tables import Change, Loss
 from gateway.metrology.wrong_runs import settled
 
 if TYPE_CHECKING:
     from gateway.metrology.fitting import Evidence
     from gateway.metrology.screw import Screw
 
+__all__ = ["Built", "Recipe", "build_from"]
+
 STEP_TOLERANCE: Final = 1e-6
 """Share of a step by which targets may differ from an even grid and count as one."""
-
-
-@dataclass(frozen=True, slots=True)
-class Recipe:
-    """How a table is to be made; lengths in the units of the readings.
-
-    ``step`` asks for an even grid, over ``travel`` if that is told, ``tolerance`` for as few of the targets
-    as it allows; not both. ``smooth`` is the window. ``one_way`` makes one curve for both directions.
-    ``fit`` is the curve that the table follows; without it, it goes straight from target to target, and
-    nothing is said about what lies between. ``periods`` are what the error may repeat with. ``refusal`` says
-    why a table cannot be written, and what to do; without it every one can be.
-    """
-
-    home: HomeCase | HomeReference | None = None
-    step: float | None = None
-    tolerance: float | None = None
-    smooth: float | None = None
-    drop_outliers: bool = False
-    estimate_ends: bool = True
-    one_way: bool = False
-    travel: tuple[float, float] | None = None
-    fit: Fit | None = None
-    periods: tuple[Period, ...] = ()
-    refusal: Callable[[CorrectionTable], str | None] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,17 +91,15 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
             f"smoothed over {recipe.smooth:g} {unit}: by {change.rms:.3g} {unit} (root mean square), by "
             f"{change.largest:.3g} at most, {change.direction.name.lower()} at {change.position:.9g}"
         )
-    home = recipe.home.reference(table) if isinstance(recipe.home, HomeCase) else recipe.home
+    home = recipe.reference(table)
     measured = table
     table, loss = _with_points(table, recipe, home)
     screw = _screw(readings, survey, recipe, notes)
     evidence = None
     if screw is not None and recipe.fit is not None:
-        from gateway.metrology.fitting import described
-
         evidence = _choose(screw, table, recipe)
         notes.extend(evidence.warnings)
-        notes.extend(described(evidence, survey.units, "table"))
+        notes.extend(evidence.described(survey.units, "table"))
         if evidence.chosen.table is not table:
             table, loss = evidence.chosen.table, None
             notes.extend(_uncovered(measured, table) if recipe.step is not None else ())
@@ -132,8 +109,7 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
             f"{loss.size:.3g} {unit}, {loss.direction.name.lower()} at {loss.position:.9g}"
         )
         notes.extend(_uncovered(measured, table))
-    if isinstance(recipe.home, HomeCase):
-        home = recipe.home.reference(table)
+    home = recipe.reference(table)
     if home is None:
         notes.append("no home reference: the corrections are 0 where the instrument was zeroed")
     else:
@@ -148,7 +124,7 @@ def _with_home(survey: Survey, recipe: Recipe) -> tuple[Survey, list[str]]:
 
     A sheet of TB058's version 7.17 begins one step from home, where the instrument was set to 0.
     """
-    targets = sorted({reading.target for reading in survey.readings})
+    targets = survey.targets
     ways = {reading.direction for reading in survey.readings}
     if recipe.home not in (HomeCase.SWITCH_POSITIVE, HomeCase.SWITCH_NEGATIVE) or len(ways) != 1:
         return survey, []
@@ -187,14 +163,12 @@ def _choose(screw: "Screw", table: CorrectionTable, recipe: Recipe) -> "Evidence
     Raises:
         ReadingsError: harmonics without a period that the targets show.
     """
-    from gateway.metrology.fitting import Points, choose, warnings_of
+    from gateway.metrology.fitting import choose, warnings_of
 
     if recipe.fit is Fit.HARMONICS and Shape.HARMONICS not in screw.shapes:
         why = "; ".join(warnings_of(screw)) if screw.aliased else "tell the lead of the screw: --lead"
         raise ReadingsError(f"harmonics: nothing to fit: {why}")
-    wish = Fit.LINES if recipe.smooth is not None else recipe.fit or Fit.LINES
-    points = Points(recipe.step, recipe.tolerance, recipe.travel, recipe.one_way, recipe.refusal)
-    return choose(screw, table, wish, points, recipe.home)
+    return choose(screw, table, recipe)
 
 
 def _check(recipe: Recipe) -> None:

@@ -1,25 +1,21 @@
 """A better table, from readings taken while the old one was in use: new = old + (nominal - measured)."""
 
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from statistics import pstdev
 from typing import TYPE_CHECKING, Final
 
-from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.metrology.build import HomeReference, build_table, referenced
-from gateway.metrology.circumstances import was_corrected
+from gateway.metrology.build import Fit, HomeReference, Recipe, Refusal, build_table, referenced
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.outliers import find_outliers
-from gateway.metrology.readings import APPROACHES, Survey
-from gateway.metrology.residue import predicted_residue
-from gateway.metrology.shapes import Fit, LeftOut
-from gateway.metrology.smooth import Change
+from gateway.metrology.readings import APPROACHES, Survey, was_corrected
+from gateway.metrology.residue import LeftOut, predicted_residue
+from gateway.metrology.tables import Change, change, correction_at
 from gateway.metrology.wrong_runs import settled
 
 if TYPE_CHECKING:
@@ -71,7 +67,7 @@ def refine_table(
     one_way: bool = False,
     fit: Fit | None = None,
     periods: tuple[Period, ...] = (),
-    refusal: Callable[[CorrectionTable], str | None] | None = None,
+    refusal: Refusal | None = None,
 ) -> Refined:
     """Add what is left of the error to the table that left it (TB058: "Always add the error").
 
@@ -104,29 +100,10 @@ def refine_table(
     screw = None
     if fit is not None:
         rest, screw, said = _followed(survey, rest, fit, periods, one_way=one_way)
-    positions = list(old.positions)
-    if points is Points.UNION:
-        positions = _union(positions, rest.positions)
-    new = _sum(old, rest, positions)
-    if screw is not None and points is Points.TABLE:
-        wider = _sum(old, rest, _union(positions, rest.positions))
-        if screw.leaves(_less(wider, old)) * CLEARLY < screw.leaves(_less(new, old)):
-            refused = None if refusal is None else refusal(wider)
-            said.append(
-                f"{len(wider.positions)} points instead of {len(positions)}: those of the old table lie too "
-                "far apart for what repeats"
-                if refused is None
-                else f"the points of the old table lie too far apart for what repeats, and "
-                f"{len(wider.positions)} points cannot be written: {refused}"
-            )
-            if refused is None:
-                new, positions = wider, list(wider.positions)
+    new, more = _at_points(old, rest, points, screw, refusal)
+    said += more
     if home is not None:
-        was = correction_at(old, home.position, home.direction)
-        new = referenced(new, home)
-        new = make_table(
-            positions, [c + was for c in new.forward], [c + was for c in new.backward], new.units
-        )
+        new = _home_kept(new, old, home)
     unit = survey.units.value
     notes = [*survey.remarks, *_unmeasured(old, rest)]
     notes.extend(f"outlier, kept: {each.describe(unit)}" for each in find_outliers(survey))
@@ -147,15 +124,14 @@ def refine_table(
             )
     if home is None:
         notes.append("no home reference: what was read at home went into the table like any other reading")
-    return Refined(new, _change(old, new), tuple(notes), before, after)
+    return Refined(new, change(old, new), tuple(notes), before, after)
 
 
 def _followed(
     survey: Survey, rest: CorrectionTable, fit: Fit, periods: tuple[Period, ...], *, one_way: bool
 ) -> "tuple[CorrectionTable, Screw | None, list[str]]":
     """Return the rest along the curve that leaves least, what the readings say, and why."""
-    from gateway.metrology.fitting import Points as Chosen
-    from gateway.metrology.fitting import choose, described
+    from gateway.metrology.fitting import choose
     from gateway.metrology.screw import screw_of
 
     try:
@@ -164,8 +140,46 @@ def _followed(
         if fit in (Fit.SMOOTH, Fit.HARMONICS):
             raise
         return rest, None, [f"{error}: nothing is said about what this table leaves between its points"]
-    evidence = choose(screw, rest, fit, Chosen(one_way=one_way), None)
-    return evidence.chosen.table, screw, [*evidence.warnings, *described(evidence, survey.units, "change")]
+    evidence = choose(screw, rest, Recipe(fit=fit, one_way=one_way))
+    return evidence.chosen.table, screw, [*evidence.warnings, *evidence.described(survey.units, "change")]
+
+
+def _at_points(
+    old: CorrectionTable,
+    rest: CorrectionTable,
+    points: Points,
+    screw: "Screw | None",
+    refusal: Refusal | None,
+) -> tuple[CorrectionTable, list[str]]:
+    """Return the sum at the points that are wanted, or at more where harmonics need them; and say so."""
+    wide = _union(old.positions, rest.positions)
+    new = _sum(old, rest, wide if points is Points.UNION else list(old.positions))
+    if screw is None or points is Points.UNION:
+        return new, []
+    wider = _sum(old, rest, wide)
+    leaves_clearly_less = screw.leaves(_less(wider, old)) * CLEARLY < screw.leaves(_less(new, old))
+    if not leaves_clearly_less:
+        return new, []
+    refused = None if refusal is None else refusal(wider)
+    if refused is not None:
+        said = (
+            f"the points of the old table lie too far apart for what repeats, and {len(wider.positions)} "
+            f"points cannot be written: {refused}"
+        )
+        return new, [said]
+    said = (
+        f"{len(wider.positions)} points instead of {len(new.positions)}: those of the old table lie too far "
+        "apart for what repeats"
+    )
+    return wider, [said]
+
+
+def _home_kept(new: CorrectionTable, old: CorrectionTable, home: HomeReference) -> CorrectionTable:
+    """Return the new table with the correction at home that the old one had."""
+    was = correction_at(old, home.position, home.direction)
+    new = referenced(new, home)
+    forward, backward = ([c + was for c in curve] for curve in (new.forward, new.backward))
+    return make_table(new.positions, forward, backward, new.units)
 
 
 def _sum(old: CorrectionTable, rest: CorrectionTable, positions: list[float]) -> CorrectionTable:
@@ -209,14 +223,3 @@ def _unmeasured(old: CorrectionTable, rest: CorrectionTable) -> list[str]:
         for low, high in ((old.first, rest.first), (rest.last, old.last))
         if high > low
     ]
-
-
-def _change(old: CorrectionTable, new: CorrectionTable) -> Change:
-    differences: list[tuple[float, float, Direction]] = [
-        (abs(correction_at(new, x, way) - correction_at(old, x, way)), x, way)
-        for way in APPROACHES
-        for x in new.positions
-    ]
-    largest, position, way = max(differences, key=lambda difference: difference[0])
-    mean_square = sum(size * size for size, _, _ in differences) / len(differences)
-    return Change(largest, position, way, mean_square**0.5)

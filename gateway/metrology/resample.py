@@ -1,30 +1,73 @@
-"""Other points for a table: an even grid, or as few measured points as a tolerance allows."""
+"""What a table becomes before it is written: smoothed, on an even grid, or of as few points as can be.
+
+Smoothing puts a straight line through each point's surroundings, weighted by nearness: the correction becomes
+the value there of the line that fits best (least squares) the points nearer than half the window, each with
+the weight ``1 - distance / half``; both directions for themselves. A straight curve stays as it is, and the
+ends are no exception: they get a line too, not a mean.
+"""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from math import ceil, floor, inf
 from typing import Final
 
-from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES
+from gateway.metrology.tables import Change, Loss, change, correction_at, loss
 
 GRID_TOLERANCE: Final = 1e-9
 """Share of a step by which a target may miss a multiple and still be on it."""
 DIGITS: Final = 12
 MAX_POINTS: Final = 100_000
+LEAST_POINTS: Final = 3
+"""Through two points a line goes exactly: they would smooth nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class Loss:
-    """The largest difference that other points make, between the points too, and where it is."""
+# --- Other values
 
-    size: float
-    position: float
-    direction: Direction
+
+def smoothed(table: CorrectionTable, window: float) -> tuple[CorrectionTable, Change]:
+    """Return the smoothed table and how much it differs at its points; the window is in its units.
+
+    Raises:
+        ReadingsError: a window that is not positive, or so small that it changes no point.
+    """
+    if not window > 0.0:
+        raise ReadingsError(f"a smoothing window of {window:g}: it must be a length above 0")
+    surroundings = [_surroundings(table.positions, at, window / 2.0) for at in table.positions]
+    if all(len(near) < LEAST_POINTS for near in surroundings):
+        raise ReadingsError(
+            f"a smoothing window of {window:g} {table.units.value} holds fewer than {LEAST_POINTS} points "
+            "everywhere: make it wider than twice the distance of the targets"
+        )
+    forward, backward = (
+        [_value(table.positions, curve, i, near) for i, near in enumerate(surroundings)]
+        for curve in (table.forward, table.backward)
+    )
+    result = make_table(table.positions, forward, backward, table.units)
+    return result, change(table, result)
+
+
+def _surroundings(positions: Sequence[float], at: float, half: float) -> list[tuple[int, float]]:
+    """Return index and weight of every point nearer than ``half``."""
+    return [(i, 1.0 - abs(x - at) / half) for i, x in enumerate(positions) if abs(x - at) < half]
+
+
+def _value(
+    positions: Sequence[float], curve: Sequence[float], index: int, near: Sequence[tuple[int, float]]
+) -> float:
+    if len(near) < LEAST_POINTS:
+        return curve[index]
+    total = sum(weight for _, weight in near)
+    middle = sum(weight * positions[i] for i, weight in near) / total
+    mean = sum(weight * curve[i] for i, weight in near) / total
+    spread = sum(weight * (positions[i] - middle) ** 2 for i, weight in near)
+    slope = sum(weight * (positions[i] - middle) * (curve[i] - mean) for i, weight in near) / spread
+    return mean + slope * (positions[index] - middle)
+
+
+# --- Other points
 
 
 def on_grid(
@@ -129,17 +172,3 @@ def _at(table: CorrectionTable, positions: Sequence[float]) -> tuple[CorrectionT
     forward, backward = ([correction_at(table, x, way) for x in positions] for way in APPROACHES)
     result = make_table(positions, forward, backward, table.units)
     return result, loss(table, result)
-
-
-def loss(before: CorrectionTable, after: CorrectionTable) -> Loss:
-    """Return the largest difference of two tables over the range of the first; outside a table is held."""
-    low, high = before.first, before.last
-    places = sorted({*before.positions, *(x for x in after.positions if low <= x <= high)})
-    return max(
-        (
-            Loss(abs(correction_at(before, x, way) - correction_at(after, x, way)), x, way)
-            for way in APPROACHES
-            for x in places
-        ),
-        key=lambda found: found.size,
-    )

@@ -1,10 +1,19 @@
-"""What a table would leave of an error that was measured without it."""
+"""What a table leaves: at the targets, predicted of readings taken without it, and between them."""
 
 from dataclasses import replace
+from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
-from gateway.metrology.lookup import correction_at
-from gateway.metrology.readings import Survey
+from gateway.compensation.units import Units
+from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.lead import Period
+from gateway.metrology.readings import Small, Survey, small_unit
+from gateway.metrology.tables import correction_at
+
+NOT_JUDGED: Final = "not known from these readings: too few targets, or more than tell anything"
+
+
+# --- At the targets
 
 
 def predicted_residue(survey: Survey, table: CorrectionTable) -> Survey:
@@ -45,3 +54,83 @@ def _uncovered(survey: Survey, table: CorrectionTable) -> list[str]:
         f"{min(outside):.9g} to {max(outside):.9g}: predicted with its end values held there"
     )
     return [remark]
+
+
+# --- Between the targets
+
+
+class LeftOut(NamedTuple):
+    """E that a table leaves between the targets, predicted by leaving out, in the units of the readings.
+
+    Of the curves that the readings allow half leave more than ``e``, and nine of ten between ``low`` and
+    ``high``. What repeats with ``unseen`` is in none of them, for no target tells it from a slower curve:
+    then the readings hold no upper bound, ``e`` and ``high`` are None, and at least ``low`` is left.
+    """
+
+    e: float | None
+    low: float
+    high: float | None
+    unseen: tuple[Period, ...] = ()
+    unsettled: str = ""
+    """What has to be settled first: runs that do not fit the others."""
+
+    @property
+    def unknown(self) -> str:
+        """Why the readings do not tell it, in words; empty where they do."""
+        if self.unsettled:
+            return f"not known from these readings: {self.unsettled}"
+        names = " and ".join(each.name for each in self.unseen)
+        if not names:
+            return ""
+        return (
+            f"not known from these readings: their targets do not tell what repeats with {names} from a "
+            "slower curve"
+        )
+
+
+def left_out_json(units: Units, left_out: LeftOut | None, when: str = "") -> dict[str, object]:
+    """Return E between the targets, predicted by leaving out, and its bounds.
+
+    Null is what the readings do not tell, with the reason, and the lengths, in the units of the readings, of
+    what repeats unseen.
+    """
+    small = small_unit(units)
+    names = (f"left_out_e{when}", f"left_out_e_low{when}", f"left_out_e_high{when}")
+    numbers: tuple[float | None, ...] = (None,) * len(names)
+    if left_out is not None and not left_out.unsettled:
+        numbers = (left_out.e, left_out.low, left_out.high)
+    return {
+        f"{name}_{small.key}": None if number is None else number * small.factor
+        for name, number in zip(names, numbers, strict=True)
+    } | {
+        f"left_out_unknown{when}": (NOT_JUDGED if left_out is None else left_out.unknown) or None,
+        f"left_out_unseen_periods{when}": [each.length for each in left_out.unseen] if left_out else [],
+    }
+
+
+def predicted_json(predicted: Evaluation, left_out: LeftOut | None) -> dict[str, object]:
+    """Return E as predicted at the targets, and between them."""
+    small = small_unit(predicted.units)
+    at_targets = None if predicted.systematic is None else predicted.systematic * small.factor
+    return {f"e_{small.key}": at_targets, **left_out_json(predicted.units, left_out)}
+
+
+def left_out_line(before: Evaluation, left_out: LeftOut) -> str:
+    """Say what the table will leave where nobody measured."""
+    small = small_unit(before.units)
+    was = ""
+    if before.systematic is not None:
+        was = f"; at the targets it was {small.text(before.systematic)} before"
+    return f"between its points the table will leave {left_out_text(small, left_out)}{was}"
+
+
+def left_out_text(small: Small, left_out: LeftOut) -> str:
+    """Say E between the targets with its bounds, and what is not in them."""
+    if left_out.unsettled:
+        return f"an E that is {left_out.unknown}"
+    if left_out.e is None or left_out.high is None:
+        return f"at least E = {small.text(left_out.low)}; how much it is, is {left_out.unknown}"
+    return (
+        f"E = {small.text(left_out.e)} (predicted by leaving out; {small.text(left_out.low)} to "
+        f"{small.text(left_out.high)} in nine of ten cases)"
+    )

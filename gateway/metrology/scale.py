@@ -124,7 +124,7 @@ def told_scale(survey: Survey, lead: float | None = None) -> ScaleError | None:
     found = scale_of(survey.readings)
     if found is None or survey.units is Units.DEGREE:  # a turn is a turn
         return None
-    made = abs(found.share) * _span(survey)
+    made = abs(found.share) * survey.span
     is_told = not is_short(survey, lead) or made > survey.units.from_mm(NO_WAVE_MM)
     return found if is_told else None
 
@@ -132,12 +132,7 @@ def told_scale(survey: Survey, lead: float | None = None) -> ScaleError | None:
 def is_short(survey: Survey, lead: float | None = None) -> bool:
     """Whether readings span only a few turns of the screw."""
     turn = survey.units.from_mm(USUAL_LEAD_MM) if lead is None else lead
-    return _span(survey) < LEAST_TURNS * turn * (1 - 1e-9)
-
-
-def _span(survey: Survey) -> float:
-    targets = [each.target for each in survey.readings]
-    return max(targets) - min(targets)
+    return survey.span < LEAST_TURNS * turn * (1 - 1e-9)
 
 
 def _one_reading(readings: Sequence[Reading]) -> str | None:

@@ -16,6 +16,7 @@ import numpy as np
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
+from gateway.metrology.build import Shape
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period, may_be_more, shown_by, unseen
 from gateway.metrology.process import (
@@ -30,8 +31,15 @@ from gateway.metrology.process import (
     jumped,
     likely_jumps,
 )
-from gateway.metrology.readings import APPROACHES, MeanCorrections, Reading, Survey, mean_corrections
-from gateway.metrology.shapes import LeftOut, Shape
+from gateway.metrology.readings import (
+    APPROACHES,
+    MeanCorrections,
+    Reading,
+    Survey,
+    by_approach,
+    mean_corrections,
+)
+from gateway.metrology.residue import LeftOut
 from gateway.metrology.wrong_runs import wrong_runs
 
 LEAST_TARGETS: Final = 5
@@ -282,7 +290,7 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
         )
     wrong = wrong_runs(Survey(known, units))
     unsettled = "; ".join(each.describe(units) for each in wrong)
-    scatter, counts = _scatter(known), _counts(known)
+    scatter, counts = _scatter(known), {place: len(group) for place, group in by_approach(known).items()}
     if scatter is not None:
         scatter = max(scatter, units.from_mm(LEAST_SCATTER_MM))
     reversal = _reversal(means, counts, scatter)
@@ -305,19 +313,9 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
     )  # fmt: skip
 
 
-def _counts(readings: Sequence[Reading]) -> dict[tuple[float, Direction], int]:
-    counts: dict[tuple[float, Direction], int] = {}
-    for each in readings:
-        counts[each.target, each.direction] = counts.get((each.target, each.direction), 0) + 1
-    return counts
-
-
 def _scatter(readings: Sequence[Reading]) -> float | None:
     """Standard deviation of one reading among its runs, without what a whole run is shifted and longer by."""
-    groups: dict[tuple[float, Direction], list[Reading]] = {}
-    for each in readings:
-        groups.setdefault((each.target, each.direction), []).append(each)
-    several = [group for group in groups.values() if len(group) >= 2]
+    several = [group for group in by_approach(readings).values() if len(group) >= 2]
     runs: dict[tuple[int, Direction], list[tuple[float, float]]] = {}
     for group in several:
         mean = fmean(each.deviation for each in group)

@@ -21,6 +21,7 @@ from typing import Final
 
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.readings import small_unit
 
 RANGE: Final = 0.6
 """Of a range: its expanded uncertainty."""
@@ -91,3 +92,60 @@ def verdict(value: float, expanded: float, limit: float) -> str:
     if value + expanded <= limit:
         return "kept"
     return "not kept" if value - expanded > limit else "undecided"
+
+
+def known_of(
+    found: Evaluation, instrument_um: float, misalignment_mm: float, temperature: float, environment_um: float
+) -> Known:
+    """Return what was told, in the units of the readings.
+
+    Raises:
+        ReadingsError: a number below 0.
+    """
+    factor = small_unit(found.units).factor
+    return Known(
+        instrument=instrument_um / factor,
+        misalignment=found.units.from_mm(misalignment_mm),
+        temperature_range=temperature,
+        environment=environment_um / factor,
+    )
+
+
+def limit_line(found: Evaluation, budget: Budget, limit_um: float) -> str:
+    """Say whether A keeps a limit, with the budget.
+
+    Raises:
+        ReadingsError: the readings carry no A, or the limit is not above 0.
+    """
+    small = small_unit(found.units)
+    parts = ", ".join(f"{name} {small.text(part)}" for name, part in budget.parts if part)
+    accuracy = _accuracy(found, limit_um)
+    said = verdict(accuracy, budget.expanded, limit_um / small.factor)
+    return (
+        f"A = {small.text(accuracy)} with U = {small.text(budget.expanded)} (k = 2; {parts}): the limit of "
+        f"{limit_um:g} {small.name} is {said}"
+    )
+
+
+def limit_json(found: Evaluation, budget: Budget, limit_um: float) -> dict[str, object]:
+    """Return the same as plain data. Raises ReadingsError: see :func:`limit_line`."""
+    small = small_unit(found.units)
+    accuracy = _accuracy(found, limit_um)
+    return {
+        f"limit_{small.key}": limit_um,
+        f"a_{small.key}": accuracy * small.factor,
+        f"u_{small.key}": budget.expanded * small.factor,
+        "parts": {name: part * small.factor for name, part in budget.parts},
+        "verdict": verdict(accuracy, budget.expanded, limit_um / small.factor),
+    }
+
+
+def _accuracy(found: Evaluation, limit_um: float) -> float:
+    if not limit_um > 0.0:
+        raise ReadingsError(f"--limit {limit_um:g}: it must be above 0")
+    if found.accuracy is None:
+        raise ReadingsError(
+            "--limit: these readings carry no A of both directions: two runs and both approaches at every "
+            "target"
+        )
+    return found.accuracy

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from statistics import fmean
 
 from gateway.metrology.evaluation import Evaluation
+from gateway.metrology.readings import small_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,3 +53,32 @@ def vdi_3441(found: Evaluation) -> Vdi3441 | None:
         reversal=max(u for _, u, _ in rows),
         mean_reversal=fmean(u for _, u, _ in rows),
     )
+
+
+def vdi_line(found: Evaluation) -> str:
+    """Say the results of VDI/DGQ 3441 in one line."""
+    results, small = vdi_3441(found), small_unit(found.units)
+    if results is None:
+        return "VDI/DGQ 3441: needs both directions and two runs at every target"
+    return (
+        f"VDI/DGQ 3441: P {small.text(results.positional_uncertainty)}, "
+        f"Pa {small.text(results.positional_deviation)}, Ps {small.text(results.scatter)} "
+        f"(mean {small.text(results.mean_scatter)}), U {small.text(results.reversal)} "
+        f"(mean {small.text(results.mean_reversal)})"
+    )
+
+
+def vdi_json(found: Evaluation) -> dict[str, object] | None:
+    """Return the same as plain data."""
+    results, small = vdi_3441(found), small_unit(found.units)
+    if results is None:
+        return None
+    numbers = {
+        "p": results.positional_uncertainty,
+        "pa": results.positional_deviation,
+        "ps": results.scatter,
+        "ps_mean": results.mean_scatter,
+        "u": results.reversal,
+        "u_mean": results.mean_reversal,
+    }
+    return {f"{name}_{small.key}": number * small.factor for name, number in numbers.items()}

@@ -14,10 +14,9 @@ from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
-from gateway.metrology.deviation import small_unit
 from gateway.metrology.drift import drift_of, without_drift
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.readings import APPROACHES, Reading, Survey
+from gateway.metrology.readings import APPROACHES, Reading, Survey, small_unit
 
 CLEARLY: Final = 3.0
 """So many times as well a run has to fit the others once its fault is taken away."""

@@ -16,6 +16,7 @@ from librt.strings import (
     write_i64_be,
 )
 
+from gateway.catalogue import refusals
 from gateway.counts import Raw
 from gateway.modbus.errors import RegisterDataError, RegisterRangeError
 
@@ -95,7 +96,7 @@ class Integer(Codec):
         if type(raw) is int and self._smallest <= raw <= self._largest:
             return raw
         limits = f"whole numbers from {self._smallest} to {self._largest}"
-        raise RegisterRangeError(f"a value of {raw!r} does not fit {self._name}: it holds {limits}")
+        raise RegisterRangeError(refusals.DOES_NOT_FIT.sentence(raw=raw, field=self._name, limits=limits))
 
 
 class _LowFirstPair(Integer):
@@ -162,7 +163,7 @@ class _Float32(Codec):
         """See ``Codec``."""
         if isinstance(raw, bool) or not -FLOAT32_MAX <= raw <= FLOAT32_MAX:
             limits = f"finite numbers from {-FLOAT32_MAX:.8g} to {FLOAT32_MAX:.8g}"
-            raise RegisterRangeError(f"a value of {raw!r} does not fit {self._name}: it holds {limits}")
+            raise RegisterRangeError(refusals.DOES_NOT_FIT.sentence(raw=raw, field=self._name, limits=limits))
         high_first = self._struct.pack(raw)
         return high_first[2:] + high_first[:2] if self._low_first else high_first
 

@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
+from gateway.files import create
 from gateway.ipc.client import NoGatewayError, borrow
 from gateway.ipc.messages import GetTapes, Tapes
 from gateway.recording import traffic
@@ -125,7 +126,7 @@ def write_recording(path: Path, header: traffic.Header, entries: Iterable[traffi
     Raises:
         OSError: it exists, or cannot be written.
     """
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    descriptor = create(path)
     number = 0
     with os.fdopen(descriptor, "wb") as file:
         file.write(traffic.encode(header))

@@ -50,6 +50,17 @@ def pdu_name(pdu: bytes) -> str:
         return f"function {pdu[0]}"
 
 
+def output_words(output: traffic.Output | None) -> str:
+    """Say what was sent, and where."""
+    if output is None:
+        return "nothing"
+    if isinstance(output, traffic.Abandoned):
+        return "to give up waiting"
+    pdu = bytes.fromhex(output.pdu)
+    to = f"controller port {output.port}" if isinstance(output, traffic.Answered) else "drive"
+    return f"to {to} unit {output.unit}: {pdu_name(pdu)} {pdu.hex(' ')}"
+
+
 def _named(kind: type[ExceptionCode], code: int) -> str:
     try:
         return f" ({_words(kind(code))})"

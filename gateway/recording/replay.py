@@ -19,6 +19,7 @@ from gateway.exchange.ports import ControllerPort, DriveLink, OwnUnit
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable
 from gateway.recording import traffic
+from gateway.recording.readable import output_words
 from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.state.tables import WrongTableError, checked
 from gateway.times import NS_PER_MS
@@ -47,6 +48,23 @@ class Difference:
     expected: traffic.Output | None
     got: traffic.Output | None
 
+    def as_data(self) -> dict[str, object]:
+        """Return it as plain data."""
+        return {
+            "entry": self.entry,
+            "file_line": self.file_line,
+            "t": self.t,
+            "line": self.line,
+            "expected": None if self.expected is None else output_words(self.expected),
+            "got": None if self.got is None else output_words(self.got),
+        }
+
+    def __str__(self) -> str:
+        return (
+            f"at {self.t} ns on line {self.line}: expected {output_words(self.expected)}, "
+            f"got {output_words(self.got)}"
+        )
+
 
 @dataclass(slots=True)
 class ReplayResult:
@@ -60,6 +78,17 @@ class ReplayResult:
     is_cut_off: bool = False
     before: int = 0
     """Entries of a capture from before it is known what holds: they are not compared."""
+
+    def as_data(self) -> dict[str, object]:
+        """Return it as plain data."""
+        return {
+            "inputs": self.inputs,
+            "outputs": self.outputs,
+            "different": self.different,
+            "is_cut_off": self.is_cut_off,
+            "before": self.before,
+            "first": [difference.as_data() for difference in self.first],
+        }
 
 
 class _Port(ControllerPort):

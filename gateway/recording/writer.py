@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from gateway.files import create
 from gateway.recording.traffic import End, Entry, Header, encode
 
 CAPACITY: Final = 50_000
@@ -56,7 +57,7 @@ class Recorder:
             OSError: the file exists, or cannot be made or written.
         """
         # The configuration in it may hold passwords.
-        self._file_fd = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        self._file_fd = create(self.path)
         try:
             self._append(encode(self._header))
         except OSError:

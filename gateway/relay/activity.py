@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from typing import Final
 
 from gateway.clock import boot_ns
+from gateway.status.model import Loop
 from gateway.times import NS_PER_US
 
 KEPT: Final = 16
@@ -51,6 +52,6 @@ class Activity:
             and began_ns <= until_ns
         )
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> Loop:
         """Return the longest step so far, for the status."""
-        return {"longest_us": round(self._longest_ns / NS_PER_US, 1), "longest": self._longest or None}
+        return Loop(longest_us=round(self._longest_ns / NS_PER_US, 1), longest=self._longest or None)

@@ -13,6 +13,7 @@ from typing import Final
 
 from gateway.clock import boot_ns
 from gateway.relay.activity import Activity
+from gateway.status.model import Garbage
 from gateway.times import NS_PER_MS, NS_PER_S
 
 CHECK_EVERY_S: Final = 0.25
@@ -69,15 +70,15 @@ class Collecting:
             gc.unfreeze()
             gc.enable()
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> Garbage:
         """Return its counters: all collections, and of them the full and the forced ones."""
-        return {
-            "collections": self._collections,
-            "full": self._full,
-            "forced": self._forced,
-            "collected": self._collected,
-            "longest_us": self._longest_ns // 1000,
-        }
+        return Garbage(
+            collections=self._collections,
+            full=self._full,
+            forced=self._forced,
+            collected=self._collected,
+            longest_us=self._longest_ns // 1000,
+        )
 
     def check(self, now_ns: int) -> float:
         """Collect if it is due and nobody waits; returns the seconds until the next check."""

@@ -6,6 +6,8 @@ from functools import partial
 from ipaddress import ip_network
 from typing import Final
 
+from msgspec import UNSET
+
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.line_events import (
     ADAPTER_ECHOES,
@@ -30,6 +32,7 @@ from gateway.relay.refusals import Refusals
 from gateway.relay.secure_door import SecureDoor
 from gateway.relay.watchdog import Accepting
 from gateway.state.plan import ControllerLink
+from gateway.status.line import ControllerStatus, PortMinute
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc
 from gateway.transport.channel import Receiver
@@ -123,27 +126,21 @@ class TcpFront:
             self._door.close()
         await self._listener.close()
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> ControllerStatus:
         """Return this controller's part of the status."""
-        return {
-            "name": self.plan.name,
-            "role": self.plan.role.value,
-            "address": [str(address) for address in self.addresses] or str(self.endpoint),
-            "connections": self._listener.peers,
-            "asked_s": _age_s(self._asked),
-            "refused_connections": self._listener.refused,
-            **self._framing(),
-            **({} if self._door is None else {"tls": self._door.status(now_utc())}),
-        }
-
-    def _framing(self) -> dict[str, int]:
-        """What its connections sent that was no frame."""
-        if self.endpoint.rtu:
-            lost = self._rtu_counters
-            return {"malformed": lost.damaged, "dropped_bytes": lost.dropped_bytes}
-        counters = self._counters
-        malformed = counters.bad_headers + counters.skipped_frames
-        return {"malformed": malformed, "dropped_bytes": counters.dropped_bytes}
+        mbap, rtu = self._counters, self._rtu_counters
+        is_rtu = self.endpoint.rtu
+        return ControllerStatus(
+            name=self.plan.name,
+            role=self.plan.role.value,
+            address=[str(address) for address in self.addresses] or str(self.endpoint),
+            connections=self._listener.peers,
+            asked_s=_age_s(self._asked),
+            refused_connections=self._listener.refused,
+            malformed=rtu.damaged if is_rtu else mbap.bad_headers + mbap.skipped_frames,
+            dropped_bytes=rtu.dropped_bytes if is_rtu else mbap.dropped_bytes,
+            tls=UNSET if self._door is None else self._door.status(now_utc()),
+        )
 
     def turn(self, now: datetime) -> None:
         """Tell of certificates that end soon; to be called at least once in ten seconds."""
@@ -238,22 +235,24 @@ class SerialFront:
         """Close the port."""
         await self._serial.close()
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> ControllerStatus:
         """Return this controller's part of the status."""
-        return {
-            "name": self.plan.name,
-            "role": self.plan.role.value,
-            "address": str(self.endpoint),
-            "state": "up" if self._serial.is_open else "down",
-            "failure": self._serial.failure,
-            "opens": self._serial.opens,
-            "asked_s": _age_s(self._asked),
-            "notes": list(self._serial.notes),
-            "latency": self._serial.latency,
-            "echo": RETURNS if self._port.returns_replies else "",
-            **self._port.counters(),
-            "minute": self._minute.grown(boot_ns()),
-        }
+        status = ControllerStatus(
+            name=self.plan.name,
+            role=self.plan.role.value,
+            address=str(self.endpoint),
+            state="up" if self._serial.is_open else "down",
+            failure=self._serial.failure,
+            opens=self._serial.opens,
+            asked_s=_age_s(self._asked),
+            notes=list(self._serial.notes),
+            latency=self._serial.latency,
+            echo=RETURNS if self._port.returns_replies else "",
+            minute=PortMinute(**self._minute.grown(boot_ns())),
+        )
+        for name, count in self._port.counters().items():
+            setattr(status, name, count)
+        return status
 
     def turn(self, now: datetime) -> None:
         """Sample what framing counts; a serial port has no certificates."""

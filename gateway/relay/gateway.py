@@ -9,8 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+from msgspec.structs import asdict
+
 import gateway
 from gateway.catalogue import process_events as processes
+from gateway.catalogue import starts
 from gateway.catalogue import table_events as tables
 from gateway.clock import boot_ns
 from gateway.compensation.table import CorrectionTable
@@ -69,6 +72,7 @@ from gateway.state.folder import why_open_to_others
 from gateway.state.plan import GatewayPlan, RelayOptions, shape_of
 from gateway.state.tables import HEADER_BYTES, MAX_POINTS, POINT_BYTES, WrongTableError, check_points, mapped
 from gateway.state.tables import find_table as find_table_in
+from gateway.status.model import GatewayStatus, RelayModel
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -211,7 +215,7 @@ class Relay:
                 remedy=refused.remedy,
             )
         if self._plan.relay != RelayOptions():
-            self._journal.note(processes.SCHEDULING, **in_force().status())
+            self._journal.note(processes.SCHEDULING, **asdict(in_force()))
         self._scheduling = in_force()
 
     async def stop(self) -> None:
@@ -228,7 +232,7 @@ class Relay:
                 version, pid = gateway.__version__, os.getpid()
                 return Pong(name=self.name, gateway_version=version, pid=pid, shape=self._shape)
             case GetStatus():
-                return Status(status=dict(self.status()))
+                return Status(status=self.status())
             case Subscribe() | GetTapes() | SetTable():
                 return Refused(reason="this is answered where the connection is")  # and never comes here
             case _:
@@ -355,35 +359,31 @@ class Relay:
         """Return the newest notes where nobody writes them, oldest first."""
         return self._journal.recent()
 
-    def status(self) -> dict[str, dict[str, object]]:
+    def status(self) -> RelayModel:
         """Return the status model: the gateway, its lines, its axes."""
         with self._activity.of("status"):
             return self._status()
 
-    def _status(self) -> dict[str, dict[str, object]]:
+    def _status(self) -> RelayModel:
         if self._lines:  # one line each time: the loop has other things to do
             self._looks += 1
             self._lines[self._looks % len(self._lines)].refresh_latency()
-        axes: dict[str, object] = {}
-        for line in self._lines:
-            axes.update(line.axes_status())
-        uptime_s = (boot_ns() - self._started_ns) / NS_PER_S
-        return {
-            "gateway": {
-                "name": self._plan.name,
-                "version": gateway.__version__,
-                "compiled": is_compiled(),
-                "uptime_s": round(uptime_s, 3),
-                "relay": "up",
-                "snapshot_age_s": 0.0,
-                "scheduling": self._scheduling.status(),
-                "garbage": self._collecting.status(),
-                "loop": self._activity.status(),
-                "latency_bounds_us": list(BOUNDS_US),
-            },
-            "lines": {line.plan.name: line.status() for line in self._lines},
-            "axes": axes,
-        }
+        return RelayModel(
+            gateway=GatewayStatus(
+                name=self._plan.name,
+                version=gateway.__version__,
+                compiled=is_compiled(),
+                uptime_s=round((boot_ns() - self._started_ns) / NS_PER_S, 3),
+                relay="up",
+                snapshot_age_s=0.0,
+                scheduling=self._scheduling,
+                garbage=self._collecting.status(),
+                loop=self._activity.status(),
+                latency_bounds_us=list(BOUNDS_US),
+            ),
+            lines={line.plan.name: line.status() for line in self._lines},
+            axes={name: axis for line in self._lines for name, axis in line.axes_status().items()},
+        )
 
     def _turn(self) -> None:
         """Turn one line each time, as with looks; not while a frame is leaving."""
@@ -444,9 +444,10 @@ class Relay:
         try:
             self._recorder.start()
         except FileExistsError:
-            return [f"{self._recorder.path} exists: record into a new file, or remove this one"]
+            return [f"{starts.RECORDING_EXISTS.begin(file=self._recorder.path)}, or remove this one"]
         except OSError as error:
-            return [f"{self._recorder.path} cannot be written: {error.strerror or error}"]
+            found = starts.RECORDING_NOT_WRITTEN.begin(file=self._recorder.path)
+            return [f"{found}: {error.strerror or error}"]
         self._recorder.on_lost = lambda why: self._journal.note(processes.RECORDING_ENDED, detail=why)
         return []
 

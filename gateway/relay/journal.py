@@ -6,16 +6,12 @@ A full pipe blocks whoever writes into it, so nothing here writes: ``ipc.log_thr
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Final
 
-from gateway.catalogue import exchange_events
-from gateway.catalogue.entry import EventEntry, entries_of
+from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.exchange_events import RECORD_NOT_USED
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.ipc.log_thread import CAPACITY
 from gateway.ipc.notes import Note, note_of
-
-ENTRIES: Final = {EventKind(entry.name): entry for entry in entries_of(exchange_events)}
 
 
 class Journal:
@@ -36,7 +32,7 @@ class Journal:
     def exchange_event(self, line: str, event: Event) -> None:
         """Append an event of a line's exchange."""
         axis = {"axis": event.axis} if event.axis else {}
-        self.note(ENTRIES[event.kind], line=line, **axis, **dict(event.more), detail=event.detail)
+        self.note(event.kind, line=line, **axis, **dict(event.more), detail=event.detail)
 
     def record_not_used(self, line: str, axis: str, detail: str) -> None:
         """Append that the record of an axis does not count, or is not kept."""

@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from gateway.catalogue import starts
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.line_events import WAITING_TURNED_AWAY
 from gateway.ipc.service_manager import ServiceManager
@@ -90,7 +91,7 @@ async def open_kept(
         sockets, waited = await adopted_listeners(place.take(), endpoint)
     except OSError as error:
         place.drop()
-        raise RefusedError(f"{endpoint}: those who waited cannot be turned away: {error}") from error
+        raise RefusedError(f"{starts.CANNOT_TURN_AWAY.begin(endpoint=endpoint)}: {error}") from error
     if waited:
         note(
             WAITING_TURNED_AWAY,

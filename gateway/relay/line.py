@@ -55,6 +55,8 @@ from gateway.relay.pulse import Pulse
 from gateway.relay.watchdog import STUCK_NS
 from gateway.state.plan import LinePlan
 from gateway.state.tables import compiled
+from gateway.status.axis import AxisStatus
+from gateway.status.line import ControllerStatus, DrivesStatus, LineMinute, LineStatus, UnitStatus
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.certificates import now_utc
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
@@ -247,49 +249,50 @@ class Line:
             self.tape.close()
             self.tape = None
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> LineStatus:
         """Return this line's part of the status model."""
         now_ns = boot_ns()
-        of_exchange = line_status(self._exchange, now_ns)
+        status = line_status(self._exchange, now_ns)
         minute = self._minute.grown(now_ns)
-        for unit_id, drive in of_exchange["unit_ids"]["drives"].items():
-            damage = self._link.damage.get(int(unit_id), NOTHING)
-            drive["damaged"] = damage.total
-            drive["damaged_in_a_row"] = damage.among(drive["timeouts_in_a_row"])
-            drive["damaged_minute"] = minute.get(unit_id, 0)
-            other_ids = self._link.other_ids.get(int(unit_id))
-            drive["other_ids_in_a_row"] = (
-                0 if other_ids is None else other_ids.among(drive["timeouts_in_a_row"])
-            )
-            drive["answers_with"] = None if other_ids is None else str(other_ids)
-        return {
-            **of_exchange,
-            "state": "up" if self.is_up else "down",
-            "minute": {
-                "exchanges": minute["exchanges"],
-                "damaged": minute.get("damaged", 0),
-                "malformed": minute.get("malformed", 0),
-            },
-            **self._latency.line(),
-            "computed": self._computed,
-            **self._link.counters(),
-            "drives": {
-                "echo": returns_requests(self.plan.drives) if self._link.returns_requests else "",
-                "address": str(self.plan.drives),
-                "failure": self._drives.failure,
-                "opens": self._drives.opens,
-                "notes": list(self._drives.notes),
-                "latency": self._drives.latency,
-            },
-            "controllers": [
-                {
-                    **front.status(),
-                    "refused": self._exchange.counters.refused_by.get(front.plan.name, 0),
-                    **self._latency.controller(front.plan.name),
-                }
-                for front in self._fronts
-            ],
-        }
+        for unit_id, drive in status.unit_ids.drives.items():
+            self._add_damage(drive, int(unit_id))
+            drive.damaged_minute = minute.get(unit_id, 0)
+        status.state = "up" if self.is_up else "down"
+        status.minute = LineMinute(
+            exchanges=minute["exchanges"],
+            damaged=minute.get("damaged", 0),
+            malformed=minute.get("malformed", 0),
+        )
+        self._latency.fill_line(status)
+        status.computed = self._computed
+        for name, count in self._link.counters().items():
+            setattr(status, name, count)
+        status.drives = DrivesStatus(
+            echo=returns_requests(self.plan.drives) if self._link.returns_requests else "",
+            address=str(self.plan.drives),
+            failure=self._drives.failure,
+            opens=self._drives.opens,
+            notes=list(self._drives.notes),
+            latency=self._drives.latency,
+        )
+        status.controllers = [self._controller_status(front) for front in self._fronts]
+        return status
+
+    def _add_damage(self, drive: UnitStatus, unit_id: int) -> None:
+        """Say what came in the place of replies."""
+        damage = self._link.damage.get(unit_id, NOTHING)
+        drive.damaged = damage.total
+        drive.damaged_in_a_row = damage.among(drive.timeouts_in_a_row)
+        other_ids = self._link.other_ids.get(unit_id)
+        if other_ids is not None:
+            drive.other_ids_in_a_row = other_ids.among(drive.timeouts_in_a_row)
+            drive.answers_with = str(other_ids)
+
+    def _controller_status(self, front: Front) -> ControllerStatus:
+        status = front.status()
+        status.refused = self._exchange.counters.refused_by.get(front.plan.name, 0)
+        self._latency.fill_controller(status)
+        return status
 
     def turn(self) -> None:
         """Let high marks of the last minute grow old; tell of silent sensors and of certificates that end.
@@ -310,13 +313,13 @@ class Line:
         """Work some of the measured times out anew."""
         self._latency.refresh(boot_ns())
 
-    def axes_status(self) -> dict[str, dict[str, Any]]:
+    def axes_status(self) -> dict[str, AxisStatus]:
         """Return the status of each axis on this line, by name."""
         status = axes_status(self._exchange, boot_ns())
         for name, of_axis in status.items():
-            of_axis["latency"] = self._latency.axis(name)
-            of_axis["configured"] = self._configured[name]
-            of_axis["table"] = {**of_axis["table"], "loaded_at": self._loaded_at.get(name)}
+            of_axis.latency = self._latency.axis(name)
+            of_axis.configured = self._configured[name]
+            of_axis.table.loaded_at = self._loaded_at.get(name)
         return status
 
     def command(self, command: Command, tables: Sequence[CorrectionTable] = ()) -> dict[str, str]:

@@ -11,6 +11,8 @@ from collections.abc import Callable, Coroutine, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from msgspec import UNSET, Struct
+
 from gateway.catalogue import process_events as events
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.exchange_events import RECORD_NOT_USED, RESTORED, STREAM_BEGAN
@@ -25,6 +27,8 @@ from gateway.relay.gateway import Relay
 from gateway.relay.keeping import Keeping
 from gateway.relay.watchdog import Heart
 from gateway.state.plan import GatewayPlan
+from gateway.status.line import LINE_COUNTERS
+from gateway.status.model import RelayModel
 from gateway.transport.loop import RelayLoop
 
 SWITCH_INTERVAL_S: Final = 1e-4
@@ -45,24 +49,7 @@ AXIS_FIELDS: Final = (
     "corrected_actual",
     "units",
 )
-LINE_FIELDS: Final = (
-    "state",
-    "exchanges",
-    "timeouts",
-    "exceptions",
-    "late",
-    "refused",
-    "withdrawn",
-    "restaged",
-    "unknown_modes",
-    "unmapped_reads",
-    "internal_faults",
-    "crc_errors",
-    "dropped_bytes",
-    "malformed",
-    "oversized",
-    "wrong_units",
-)
+LINE_FIELDS: Final = ("state", *(name for name, each in LINE_COUNTERS.items() if each.is_logged))
 CONTROLLER_FIELDS: Final = ("crc_errors", "dropped_bytes", "malformed", "refused_connections")
 UNFINISHED: Final = "an exchange was not finished: whether the drive took it is not known"
 HANGUP_MEANS: Final = "SIGHUP changes nothing here: the supervisor reads the tables anew, and SIGTERM stops"
@@ -249,18 +236,15 @@ class _Log:
         recording = {"recording": str(relay.recording)} if relay.recording else {}
         self.say(events.READY, addresses=addresses, **socket, **recording)
 
-    def status(self, status: Mapping[str, Mapping[str, object]]) -> None:
-        for name, axis in status["axes"].items():
-            assert isinstance(axis, Mapping)
+    def status(self, status: RelayModel) -> None:
+        for name, axis in status.axes.items():
             self.say(events.STATUS, axis=name, **_picked(axis, AXIS_FIELDS))
-        for name, line in status["lines"].items():
-            assert isinstance(line, Mapping)
-            controllers = line["controllers"]
-            assert isinstance(controllers, list)
-            heard = {each["name"]: _picked(each, CONTROLLER_FIELDS) for each in controllers}
+        for name, line in status.lines.items():
+            heard = {each.name: _picked(each, CONTROLLER_FIELDS) for each in line.controllers}
             self.say(events.STATUS, line=name, **_picked(line, LINE_FIELDS), controllers=heard)
 
 
-def _picked(status: Mapping[str, object], names: tuple[str, ...]) -> dict[str, Any]:
-    """Return what is wanted of a status; what a link or a controller has not is left out."""
-    return {name: status[name] for name in names if name in status}
+def _picked(part: Struct, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return what is wanted of a part of the status; what a link or a controller has not is left out."""
+    values = {name: getattr(part, name) for name in names}
+    return {name: value for name, value in values.items() if value is not UNSET}

@@ -16,6 +16,7 @@ from types import FrameType
 from typing import Final
 
 from gateway.state.plan import RelayOptions
+from gateway.status.model import Scheduling
 
 PROC_STATUS: Final = Path("/proc/self/status")
 RLIMIT_RTPRIO: Final = 14
@@ -50,19 +51,6 @@ class Refused:
     remedy: str
 
 
-@dataclass(frozen=True, slots=True)
-class InForce:
-    """What the kernel says of the relay's thread. ``fifo`` 0: an ordinary one."""
-
-    fifo: int
-    cpus: tuple[int, ...]
-    memory_locked: bool
-
-    def status(self) -> dict[str, object]:
-        """Return it as plain data."""
-        return {"fifo": self.fifo, "cpus": list(self.cpus), "memory_locked": self.memory_locked}
-
-
 def schedule(options: RelayOptions, on_withdrawn: Callable[[str], None]) -> tuple[Refused, ...]:
     """Ask the system for everything that ``options`` want; returns what it refused.
 
@@ -72,12 +60,12 @@ def schedule(options: RelayOptions, on_withdrawn: Callable[[str], None]) -> tupl
     return tuple(_refusals(options, on_withdrawn))
 
 
-def in_force() -> InForce:
+def in_force() -> Scheduling:
     """Ask the kernel how the calling thread is scheduled now."""
     is_fifo = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
-    return InForce(
+    return Scheduling(
         fifo=os.sched_getparam(0).sched_priority if is_fifo else 0,
-        cpus=tuple(sorted(os.sched_getaffinity(0))),
+        cpus=sorted(os.sched_getaffinity(0)),
         memory_locked=_status_number("VmLck") > 0,
     )
 

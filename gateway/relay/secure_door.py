@@ -9,6 +9,7 @@ from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
+from gateway.catalogue import starts
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.line_events import CONNECTION_REFUSED
 from gateway.catalogue.tls_events import (
@@ -20,6 +21,7 @@ from gateway.catalogue.tls_events import (
 from gateway.exchange.plan import ControllerPlan
 from gateway.relay.refusals import Refusals
 from gateway.state.plan import ControllerLink, TlsPlan
+from gateway.status.line import Session, TlsStatus
 from gateway.transport.certificates import Endings, Identity, TlsFileError
 from gateway.transport.channel import Receiver
 from gateway.transport.errors import RefusedError
@@ -81,7 +83,7 @@ class SecureDoor:
         try:
             contexts.open()
         except TlsFileError as error:
-            raise RefusedError(f"tls.{error}") from None
+            raise RefusedError(starts.TLS_FILE.begin(problem=error)) from None
         self._endings.take(contexts.held)
         self._door = Door(contexts, self._receiver_for, self._tell_failure, self._too_many)
 
@@ -108,28 +110,28 @@ class SecureDoor:
         self._is_looking = True
         self._door.renew(partial(self._looked, now))
 
-    def status(self, now: datetime) -> dict[str, object]:
+    def status(self, now: datetime) -> TlsStatus:
         """Return what TLS has to say in the status of the controller."""
         door = self._door
         if door is None:
-            return {}
-        return {
-            "handshakes": door.handshakes,
-            "failed_handshakes": self._failed,
-            "running_handshakes": door.limits.running,
-            "certificates": self._endings.status(now),
-            "sessions": [
-                {
-                    "peer": session.peer,
-                    "certified": identity.role,
-                    "role": self._plans[identity.role].role.value,
-                    "subject": identity.subject,
-                    "serial": identity.serial,
-                    "valid_until": identity.ends,
-                }
+            return TlsStatus()
+        return TlsStatus(
+            handshakes=door.handshakes,
+            failed_handshakes=self._failed,
+            running_handshakes=door.limits.running,
+            certificates=self._endings.status(now),
+            sessions=[
+                Session(
+                    peer=session.peer,
+                    certified=identity.role,
+                    role=self._plans[identity.role].role.value,
+                    subject=identity.subject,
+                    serial=identity.serial,
+                    valid_until=identity.ends,
+                )
                 for session, identity in door.sessions.items()
             ],
-        }
+        )
 
     def _receiver_for(self, identity: Identity) -> Receiver | None:
         plan = self._plans.get(identity.role)

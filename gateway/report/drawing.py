@@ -1,16 +1,87 @@
-"""From panels to bytes: matplotlib, imported only here and when something is drawn."""
+"""How a report draws: colours and settings, one panel, its curves, and the bytes of a picture (matplotlib).
+
+The colours and settings are the same on every computer. Blue and vermilion of the Okabe-Ito palette stay
+apart for every kind of colour blindness. Because a report is printed too, forward and backward also differ by
+the mark (it points where the axis goes) and by the line. matplotlib is imported only when something is drawn.
+"""
 
 import io
 import re
 import warnings
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
 
-from gateway.report.figures import Panel
-from gateway.report.ink import settings
+from gateway.report.findings import Findings
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+INK: Final = "#1b2129"
+QUIET: Final = "#57606c"
+GRID: Final = "#dfe3e8"
+ZERO: Final = "#949ca8"
+FORWARD: Final = "#0072b2"
+BACKWARD: Final = "#d55e00"
+BOTH: Final = "#00795a"
+PAPER: Final = "#ffffff"
+
+VARIABLES: Final = {
+    INK: "--ink",
+    QUIET: "--quiet",
+    GRID: "--grid",
+    ZERO: "--zero",
+    FORWARD: "--forward",
+    BACKWARD: "--backward",
+    BOTH: "--both",
+    PAPER: "--card",
+}
+"""What a page calls the colours: there they follow its light or dark scheme."""
+
+FORWARD_STYLE: Final[dict[str, Any]] = {"color": FORWARD, "marker": ">", "linestyle": "-"}
+BACKWARD_STYLE: Final[dict[str, Any]] = {"color": BACKWARD, "marker": "<", "linestyle": (0, (4, 1.6))}
+BOTH_STYLE: Final[dict[str, Any]] = {"color": BOTH, "marker": "o", "linestyle": "-"}
+
+_SETTINGS: Final[Any] = {
+    "font.family": ["DejaVu Sans"],  # matplotlib brings it along
+    "font.size": 8.5,
+    "text.parse_math": False,  # a dollar sign in the name of a machine is no formula
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": ZERO,
+    "axes.linewidth": 0.8,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.unicode_minus": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
+    "xtick.direction": "out",
+    "lines.linewidth": 1.3,
+    "lines.markersize": 3.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "legend.handlelength": 2.3,
+    "legend.borderaxespad": 0.2,
+    "legend.columnspacing": 1.1,
+    "figure.facecolor": PAPER,
+    "axes.facecolor": PAPER,
+    "savefig.facecolor": PAPER,
+    "svg.fonttype": "path",  # the reader's computer need not have the font
+}
+MOST_POINTS: Final = 2000
+"""A picture is at most some thousand pixels wide: more points make it slower, not better."""
+MOST_MARKS: Final = 90
+"""With more points than this a curve is a line without marks: they would cover it."""
 PNG_DPI: Final = 150
 FULL_SIZE: Final = (8.0, 3.0)
 HALF_SIZE: Final = (3.9, 2.7)
@@ -23,6 +94,122 @@ _METADATA: Final[dict[str, dict[str, None]]] = {
 _TAG: Final = re.compile(r"<svg\b[^>]*>")
 _NOT_DRAWN: Final = re.compile(r"\s*<metadata>.*?</metadata>|\s*<!--.*?-->", re.DOTALL)
 """Who made it, and every text once more as a comment."""
+
+
+@contextmanager
+def settings(salt: str) -> Iterator[None]:
+    """Draw with these settings and no one else's; ``salt`` makes names inside an SVG the same every time."""
+    import matplotlib as mpl
+
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_SETTINGS)
+        mpl.rcParams["svg.hashsalt"] = salt
+        yield
+
+
+# --- Curves and panels
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One picture. ``about`` is its caption, and what is read to whoever cannot see it.
+
+    ``is_half``: it is as good at half the width, beside its neighbour.
+    """
+
+    name: str
+    title: str
+    about: str
+    draw: "Callable[[Axes], None]"
+    is_half: bool = False
+
+    def draw_on(self, axes: "Axes", prefix: str) -> None:
+        """Draw it; what holds data is named ``prefix``-``name``-... in an SVG."""
+        self.draw(axes)
+        for artist in axes.get_children():
+            if gid := artist.get_gid():
+                artist.set_gid(f"{prefix}-{self.name}-{gid}")
+
+
+def dress(axes: "Axes", found: Findings, quantity: str, unit: str | None = None) -> None:
+    """Label both axes with their units and draw the line of no deviation."""
+    axes.set_xlabel(f"position of {found.named} / {found.scale.position}")
+    axes.set_ylabel(f"{quantity} / {unit or found.scale.deviation}")
+    axes.axhline(0.0, color=ZERO, linewidth=0.9, zorder=1.5, gid="zero")
+    axes.margins(x=0.02)
+
+
+def curve(
+    axes: "Axes",
+    positions: Sequence[float],
+    values: Sequence[float],
+    gid: str,
+    **style: Any,
+) -> None:
+    """Draw a curve; one of very many points without marks, and thinned to what a picture can show."""
+    shown_x, shown_y = thinned(positions, values)
+    if len(positions) > MOST_MARKS:
+        style["marker"] = ""
+    if len(shown_x) < len(positions):
+        say_thinned(axes, len(positions))
+    axes.plot(shown_x, shown_y, gid=gid, **style)
+
+
+def say_thinned(axes: "Axes", count: int) -> None:
+    """Say in the picture itself that it does not show every point."""
+    label = axes.get_xlabel().partition(";")[0]
+    axes.set_xlabel(f"{label}; extremes of each {stretch_of(count)} points")
+
+
+def legend(axes: "Axes") -> None:
+    """Put the legend above the picture, where it covers no data and is seen first."""
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
+
+
+def legend_to_the_right(axes: "Axes") -> None:
+    """Make room for a title on the left."""
+    drawn = axes.get_legend()
+    if drawn is not None:
+        drawn.set_loc("lower right")
+        drawn.set_bbox_to_anchor((1.0, 1.0), transform=axes.transAxes)
+
+
+def thinned(positions: Sequence[float], values: Sequence[float]) -> tuple[list[float], list[float]]:
+    """Return a curve of at most :data:`MOST_POINTS` points that covers the same ink.
+
+    Of each stretch of neighbouring points the smallest and the largest stay, in their order, and with them
+    both ends: no peak is lost. A shorter curve is returned as it is.
+
+    >>> x, y = thinned(range(10_000), [0.0] * 7_000 + [9.0] + [0.0] * 2_999)
+    >>> len(x) <= MOST_POINTS, max(y), x[y.index(9.0)], x[0], x[-1]
+    (True, 9.0, 7000, 0, 9999)
+    """
+    count = len(positions)
+    if count <= MOST_POINTS:
+        return list(positions), list(values)
+    stretch = stretch_of(count)
+    kept = {0, count - 1}
+    for start in range(0, count, stretch):
+        part = range(start, min(start + stretch, count))
+        kept |= {min(part, key=values.__getitem__), max(part, key=values.__getitem__)}
+    order = sorted(kept)
+    return [positions[i] for i in order], [values[i] for i in order]
+
+
+def stretch_of(count: int) -> int:
+    """Return how many neighbouring points of ``count`` make one stretch: two points of the picture."""
+    return -(-count // ((MOST_POINTS - 2) // 2))
+
+
+def thinning_note(count: int) -> str:
+    """Say that a curve of ``count`` points was thinned; empty where it was not."""
+    if count <= MOST_POINTS:
+        return ""
+    return f" Of each {stretch_of(count)} of the {count} points the smallest and the largest are drawn."
+
+
+# --- Bytes
 
 
 def panel_svg(panel: Panel, prefix: str) -> str:

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.evaluation import Evaluation, evaluate
+from gateway.metrology.evaluation import Evaluation, evaluate, missing_line
 from gateway.metrology.readings import Survey
-from gateway.metrology.standard_asks import missing_line
 from gateway.report.errors import ReportError
 from gateway.report.story import AxisStory
 from gateway.report.words import NONE, Scale, clean, cut, scale_of, shortest

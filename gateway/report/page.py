@@ -5,13 +5,10 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Final
 
 from gateway import __version__
-from gateway.metrology.evaluation import Evaluation
-from gateway.metrology.standard_asks import missing_of
-from gateway.report.drawing import saved, svg_of
-from gateway.report.figures import Panel, panels
-from gateway.report.figures.panel import legend_to_the_right
+from gateway.metrology.evaluation import Evaluation, missing_of
+from gateway.report.drawing import GRID, INK, QUIET, ZERO, Panel, legend_to_the_right, saved, settings, svg_of
+from gateway.report.figures import panels
 from gateway.report.findings import FIGURES, Figure, Findings, about_readings, sentence
-from gateway.report.ink import GRID, INK, QUIET, ZERO, settings
 from gateway.report.story import Report
 from gateway.report.words import NONE, clean, cut, number
 

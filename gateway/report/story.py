@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.metrology.readings import Survey
-from gateway.metrology.shapes import LeftOut
+from gateway.metrology.residue import LeftOut
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.compensation.units import MM_PER_INCH, Units
+from gateway.compensation.units import Units
+from gateway.metrology.readings import small_unit
 
 MINUS: Final = "\N{MINUS SIGN}"
 GAP: Final = "\N{NO-BREAK SPACE}"
 """Between a number and its unit."""
 NONE: Final = "\N{EN DASH}"
 """Stands where the readings carry no number."""
-_UM_PER_MM: Final = 1000.0
-_ARCSEC_PER_DEGREE: Final = 3600.0
+_POSITIONS: Final = {Units.MM: "mm", Units.INCH: "in", Units.DEGREE: "°"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,16 +44,10 @@ class Scale:
         return self.deviation_text(deviation, 0 if shown >= 99.5 else 1 if shown >= 0.95 else 2)
 
 
-_SCALES: Final = {
-    Units.MM: Scale("mm", "µm", _UM_PER_MM),
-    Units.INCH: Scale("in", "µm", MM_PER_INCH * _UM_PER_MM),
-    Units.DEGREE: Scale("°", "arcsec", _ARCSEC_PER_DEGREE),
-}
-
-
 def scale_of(units: Units) -> Scale:
     """Return how an axis of these units is shown."""
-    return _SCALES[units]
+    small = small_unit(units)
+    return Scale(_POSITIONS[units], small.name, small.factor)
 
 
 def number(value: float, places: int) -> str:

@@ -1,20 +1,120 @@
-"""A drive of no particular make: it has the registers that a configuration gives it.
+"""A drive of no particular make: its axes have the registers that a configuration gives them.
 
 It moves as soon as a position is written. Vendor codes 0x41, 0x64 and 0x65 are echoed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
 from typing import Final
 
-from gateway.simulator.axis import SimulatedAxis
-from gateway.simulator.image import RegisterImage
+from gateway.exchange.plan import AxisPlan
+from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
 from gateway.simulator.ledger import Ledger
-from gateway.simulator.server import MAX_READ_REGISTERS, MAX_WRITE_REGISTERS, RegisterServer
-
-__all__ = ["MAX_READ_REGISTERS", "MAX_WRITE_REGISTERS", "SimulatedDrive"]
+from gateway.simulator.mechanics import Mechanics
+from gateway.simulator.server import MAX_READ_REGISTERS, MAX_WRITE_REGISTERS, RegisterImage, RegisterServer
 
 STANDARD_FUNCTIONS: Final = frozenset({1, 2, 3, 4, 5, 6, 7, 8, 15, 16, 22, 23})
 VENDOR_FUNCTIONS: Final = (0x41, 0x64, 0x65)
+
+
+class StatusBit(Enum):
+    """Bits that a drive shows, by the names that a configuration gives them."""
+
+    HOMED = "homed"
+    DONE = "done"
+    MOVING = "moving"
+    ALARM = "alarm"
+
+
+@dataclass(frozen=True, slots=True)
+class AxisRegisters:
+    """Where an axis is commanded and where it shows itself."""
+
+    command: tuple[PositionField, ...]
+    actual: tuple[PositionField, ...] = ()
+    commanded: tuple[PositionField, ...] = ()
+    bits: Mapping[str, BitField] = field(default_factory=dict)
+
+
+DEFAULT_REGISTERS = AxisRegisters(
+    command=(PositionField(0x0100, RegisterType.INT32, WordOrder.HIGH_FIRST),),
+    actual=(PositionField(0x0200, RegisterType.INT32, WordOrder.HIGH_FIRST),),
+    commanded=(PositionField(0x0202, RegisterType.INT32, WordOrder.HIGH_FIRST),),
+    bits={
+        "homed": BitField(0x0204, 0),
+        "done": BitField(0x0204, 1),
+        "moving": BitField(0x0204, 2),
+        "alarm": BitField(0x0204, 3),
+    },
+)
+"""The map of a plain made-up drive, for trials without a configuration."""
+
+
+class SimulatedAxis:
+    """Joins mechanics and registers: a written command field starts a move, readings are made live."""
+
+    def __init__(self, name: str, registers: AxisRegisters, mechanics: Mechanics) -> None:
+        self.name = name
+        self.registers = registers
+        self.mechanics = mechanics
+
+    @classmethod
+    def from_plan(cls, plan: AxisPlan, mechanics: Mechanics) -> "SimulatedAxis":
+        """An axis with the registers of a configuration's axis."""
+        registers = AxisRegisters(plan.command, plan.actual, plan.commanded, plan.bits)
+        return cls(plan.name, registers, mechanics)
+
+    def initialise(self, image: RegisterImage) -> None:
+        """Show the start position in every field, the command fields too."""
+        for command_field in self.registers.command:
+            _show(image, command_field, self.mechanics.target_counts)
+        self.refresh(image, 0.0)
+
+    def refresh(self, image: RegisterImage, now_s: float) -> None:
+        """Bring positions and status bits up to date."""
+        mechanics = self.mechanics
+        mechanics.advance(now_s)
+        for actual_field in self.registers.actual:
+            _show(image, actual_field, mechanics.actual_counts)
+        for commanded_field in self.registers.commanded:
+            # The profile's own position at this moment; the simulated motor follows it without lag.
+            _show(image, commanded_field, mechanics.actual_counts)
+        for name, bit_field in self.registers.bits.items():
+            image.set_bit(bit_field, self._bit(StatusBit(name)))
+
+    def written(self, image: RegisterImage, address: int, count: int, now_s: float) -> None:
+        """Registers were written: start a move if one of them belongs to a command field.
+
+        A word of a command written alone moves the axis to what the field then holds, as on a drive whose
+        register is live.
+        """
+        for command_field in self.registers.command:
+            if command_field.address < address + count and address < command_field.end:
+                raw = command_field.unpack(image.words(command_field.address, command_field.words))
+                self.mechanics.command(raw * command_field.scale, now_s)
+
+    def _bit(self, bit: StatusBit) -> bool:
+        match bit:
+            case StatusBit.HOMED:
+                return self.mechanics.homed
+            case StatusBit.DONE:
+                return self.mechanics.is_done
+            case StatusBit.MOVING:
+                return self.mechanics.is_moving
+            case StatusBit.ALARM:
+                return self.mechanics.alarm
+
+
+def _show(image: RegisterImage, position_field: PositionField, counts: float) -> None:
+    """Write a position as the drive shows it: whole counts, or a float as it is; a full one wraps round."""
+    raw = counts / position_field.scale
+    if position_field.type.is_float:
+        image.store_words(position_field.address, position_field.pack(raw))
+        return
+    bits = 16 * position_field.words
+    low = 0 if position_field.type.value.startswith("u") else -(1 << (bits - 1))
+    image.store_words(position_field.address, position_field.pack((round(raw) - low) % (1 << bits) + low))
 
 
 class SimulatedDrive(RegisterServer):

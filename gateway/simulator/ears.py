@@ -5,15 +5,22 @@ when each byte came; by :class:`Hearing` it finds frames as one kind of drive do
 """
 
 from enum import Enum
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.modbus.crc import is_intact
 from gateway.modbus.lengths import MAX_ADU, MIN_ADU, UNTIL_SILENCE, request_length
 from gateway.modbus.rtu_line import pause_ns, silence_ns
-from gateway.simulator.pacing import Arrival
 from gateway.times import NS_PER_MS, NS_PER_S
 
 MERGED_NS: Final = 10 * NS_PER_MS
+
+
+class TimedByte(NamedTuple):
+    """A byte at the end of a wire."""
+
+    came_ns: int
+    """When its last bit was there."""
+    byte: int
 
 
 class Hearing(Enum):
@@ -47,7 +54,7 @@ class Ear:
 
     >>> ear = Ear(Hearing.STANDARD, baudrate=1000, bits_per_character=10)
     >>> for at, byte in enumerate(bytes.fromhex("01 06 31 00 00 0F C7 32")):
-    ...     _ = ear.hear(Arrival(10_000_000 * at, byte))
+    ...     _ = ear.hear(TimedByte(10_000_000 * at, byte))
     >>> ear.deadline_ns
     115000000
     >>> ear.take(115_000_000).hex(" ")
@@ -78,7 +85,7 @@ class Ear:
         """
         return self._last_ns + self._ends_ns + self._character_ns if self._heard else None
 
-    def hear(self, arrival: Arrival) -> bytes:
+    def hear(self, arrival: TimedByte) -> bytes:
         """Take a byte; return the frame that had ended before it came, empty where there is none."""
         ended = self.take(arrival.came_ns)
         if self._heard:

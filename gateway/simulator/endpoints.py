@@ -13,9 +13,8 @@ from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import Alarm, SimulationClock, loop_now_ns
 from gateway.simulator.ears import Ear, Hearing
 from gateway.simulator.errors import SimulatorError
-from gateway.simulator.pacing import PacedWire
 from gateway.simulator.pty import FdChannel
-from gateway.simulator.wire import PLAIN, Cable, Lane
+from gateway.simulator.wire import PLAIN, Cable, Lane, PacedWire
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.listener import ProtocolListener, bound

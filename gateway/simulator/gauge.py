@@ -1,15 +1,15 @@
-"""A virtual laser for each simulated axis: a serial port that is asked, and a display that is read by eye."""
+"""What measures a simulated axis: a laser that sees the nut, its serial port, and a display to read from."""
 
+import random
 from collections.abc import Callable
 from typing import Final
 
 from gateway.exchange.plan import AxisPlan
-from gateway.metrology.gauge_kinds import GaugeKind
-from gateway.metrology.gauges import DEFAULTS
+from gateway.metrology.gauge_kinds import DEFAULTS, GaugeKind
 from gateway.simulator.clock import SimulationClock
-from gateway.simulator.laser import Laser
 from gateway.simulator.mechanics import Mechanics, unit_mm
 from gateway.simulator.pty import FdChannel
+from gateway.simulator.screw import UM_PER_MM
 
 NOISE_UM: Final = 0.1
 """Of one reading: a laser in a quiet room."""
@@ -18,6 +18,33 @@ LOOK_S: Final = 0.1
 _REQUEST: Final = DEFAULTS[GaugeKind.SYLVAC].request.encode()
 _LONGEST: Final = 64
 """Bytes that are kept of what is no request."""
+
+
+class Laser:
+    """Reads the true displacement of a nut from the place where the laser was zeroed, with seeded noise.
+
+    Lengths in millimetres; ``noise_um`` is the standard deviation of one reading.
+    """
+
+    def __init__(self, mechanics: Mechanics, *, noise_um: float = 0.0, seed: int = 0) -> None:
+        self._mechanics = mechanics
+        self._noise_mm = noise_um / UM_PER_MM
+        self._rng = random.Random(seed)
+        self._zero_mm = mechanics.nut_mm
+
+    def zero(self, now_s: float) -> None:
+        """Take the nut's place at ``now_s`` as 0."""
+        self._mechanics.advance(now_s)
+        self._zero_mm = self._mechanics.nut_mm
+
+    def true_mm(self, now_s: float) -> float:
+        """Displacement of the nut without noise: what no instrument can know."""
+        self._mechanics.advance(now_s)
+        return self._mechanics.nut_mm - self._zero_mm
+
+    def read_mm(self, now_s: float) -> float:
+        """One reading."""
+        return self.true_mm(now_s) + (self._rng.gauss(0.0, self._noise_mm) if self._noise_mm else 0.0)
 
 
 class VirtualGauge:

@@ -1,14 +1,184 @@
-"""A serial wire on the running loop: paced lanes, and a whole wire between two ports."""
+"""How bytes travel on a serial wire: pacing, with time as an argument, and lanes on the running loop.
 
+One :class:`PacedWire` is one direction. Every byte takes its character time (Modbus over serial line V1.02,
+2.5.1: start bit, data bits, parity, stop bits), one after the other; a byte is there when its last bit is.
+What the computer behind it gets when is up to its :class:`Adapter`.
+"""
+
+import random
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 from gateway.simulator.clock import Alarm, loop_now_ns
-from gateway.simulator.ears import Hearing
-from gateway.simulator.pacing import AT_ONCE, Adapter, PacedWire, WireFaults
+from gateway.simulator.ears import Hearing, TimedByte
+from gateway.simulator.errors import SimulatorError
 from gateway.simulator.pty import FdChannel
+from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint
+
+
+@dataclass(frozen=True, slots=True)
+class WireFaults:
+    """What goes wrong on a wire. Probabilities are per byte, from a seeded generator."""
+
+    garble: float = 0.0
+    """A bit of the byte is turned."""
+    drop: float = 0.0
+    """It is lost; its time passes."""
+    noise: float = 0.0
+    """Another byte, which nobody sent, comes behind it."""
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Adapter:
+    """How a receiver hands over what came: each byte when it is there, where nothing else is said.
+
+    Lumps leave by whichever comes first. Their order is kept.
+    """
+
+    latency_timer_ms: float = 0.0
+    """So long after its first byte came (FTDI: 16 ms as it comes, 1 ms where somebody has set it)."""
+    quiet_characters: float = 0.0
+    """When nothing more came for so many characters (four in a UART of the kind 16550)."""
+    lump_bytes: int = 62
+    """When it has so many bytes (62 in a packet of FTDI; 8 or 14 are levels of a UART's FIFO)."""
+    jitter_ms: float = 0.0
+    """And then up to so much later: what a driver and a busy machine add."""
+    seed: int = 0
+
+    @property
+    def gathers(self) -> bool:
+        """Whether bytes wait for others."""
+        return bool(self.latency_timer_ms or self.quiet_characters)
+
+
+AT_ONCE: Final = Adapter()
+
+
+class PacedWire:
+    """Bytes in at one end, bytes out at the other, later.
+
+    >>> wire = PacedWire(baudrate=9600, bits_per_character=10)
+    >>> wire.send(b"ab", now_ns=0)
+    >>> wire.deadline_ns, wire.receive(1_100_000), wire.receive(2_083_334)
+    (1041667, b'a', b'b')
+    """
+
+    def __init__(
+        self,
+        baudrate: int,
+        bits_per_character: int = 11,
+        faults: WireFaults | None = None,
+        adapter: Adapter = AT_ONCE,
+    ) -> None:
+        if baudrate <= 0:
+            raise SimulatorError(f"baud rate {baudrate}: it must be above 0")
+        self.bytes_garbled = 0
+        self.bytes_dropped = 0
+        self.bytes_of_noise = 0
+        self._baudrate = baudrate
+        self._bits = bits_per_character
+        self._faults = faults or WireFaults()
+        self._adapter = adapter
+        self._rng = random.Random(self._faults.seed)
+        self._jitter = random.Random(adapter.seed)
+        self._busy_from_ns = 0
+        self._busy_bytes = 0
+        self._on_wire: deque[TimedByte] = deque()
+        self._lump = bytearray()
+        self._lump_begun_ns = 0
+        self._lump_due_ns = 0
+        self._quiet_ns = round(adapter.quiet_characters * bits_per_character * NS_PER_S / baudrate)
+        self._handed_over: deque[tuple[int, bytes]] = deque()
+        """Lumps that have left the adapter, and when the computer has them."""
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """When :meth:`receive` has something to do next; None while nothing travels."""
+        due = [self._lump_due_ns] if self._lump else []
+        due += [self._on_wire[0].came_ns] if self._on_wire else []
+        due += [self._handed_over[0][0]] if self._handed_over else []
+        return min(due, default=None)
+
+    def send(self, data: bytes, now_ns: int) -> None:
+        """Put bytes on the wire, behind those that are still travelling."""
+        if now_ns >= self._free_at_ns(self._busy_bytes):
+            self._busy_from_ns, self._busy_bytes = now_ns, 0
+        for byte in data:
+            damaged = self._damage(byte)
+            self._travels(damaged)
+            if self._faults.noise and self._rng.random() < self._faults.noise:
+                self.bytes_of_noise += 1
+                self._travels(self._rng.randrange(0x100))
+
+    def arrivals(self, now_ns: int) -> list[TimedByte]:
+        """Bytes at the far end of the wire by ``now_ns``, before its adapter: what a drive hears."""
+        arrived = []
+        while self._on_wire and self._on_wire[0].came_ns <= now_ns:
+            arrived.append(self._on_wire.popleft())
+        return arrived
+
+    def receive(self, now_ns: int) -> bytes:
+        """Bytes that the computer at the far end can read at ``now_ns``."""
+        for came_ns, byte in self.arrivals(now_ns):
+            if self._lump and came_ns >= self._lump_due_ns:  # a lump that was due before leaves first
+                self._hand_over(self._lump_due_ns)
+            self._gather(byte, came_ns)
+        if self._lump and now_ns >= self._lump_due_ns:
+            self._hand_over(self._lump_due_ns)
+        there = bytearray()
+        while self._handed_over and self._handed_over[0][0] <= now_ns:
+            there += self._handed_over.popleft()[1]
+        return bytes(there)
+
+    def _free_at_ns(self, count: int) -> int:
+        """When the wire is free, ``count`` characters after the start of this burst: rounded up, once."""
+        return self._busy_from_ns - (-count * self._bits * NS_PER_S // self._baudrate)
+
+    def _travels(self, byte: int | None) -> None:
+        """A character's time passes; None: with nothing in it."""
+        self._busy_bytes += 1
+        if byte is not None:
+            self._on_wire.append(TimedByte(self._free_at_ns(self._busy_bytes), byte))
+
+    def _damage(self, byte: int) -> int | None:
+        faults = self._faults
+        if faults.drop and self._rng.random() < faults.drop:
+            self.bytes_dropped += 1
+            return None
+        if faults.garble and self._rng.random() < faults.garble:
+            self.bytes_garbled += 1
+            return byte ^ (1 << self._rng.randrange(8))
+        return byte
+
+    def _gather(self, byte: int, came_ns: int) -> None:
+        """Byte reaches the adapter."""
+        adapter = self._adapter
+        if not self._lump:
+            self._lump_begun_ns = came_ns
+        self._lump.append(byte)
+        if not adapter.gathers or len(self._lump) >= adapter.lump_bytes:
+            self._hand_over(came_ns)
+            return
+        due = []
+        if adapter.latency_timer_ms:
+            due.append(self._lump_begun_ns + round(adapter.latency_timer_ms * NS_PER_MS))
+        if adapter.quiet_characters:
+            due.append(came_ns + self._quiet_ns)
+        self._lump_due_ns = min(due)
+
+    def _hand_over(self, now_ns: int) -> None:
+        there_ns = now_ns + round(self._jitter.random() * self._adapter.jitter_ms * NS_PER_MS)
+        if self._handed_over:
+            there_ns = max(there_ns, self._handed_over[-1][0])
+        self._handed_over.append((there_ns, bytes(self._lump)))
+        self._lump.clear()
+
+
+# --- On the running loop
 
 
 @dataclass(frozen=True, slots=True)

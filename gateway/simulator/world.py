@@ -10,19 +10,18 @@ from typing import Final, Self
 from gateway.compensation.units import Units
 from gateway.drives.motion import Form
 from gateway.exchange.plan import AxisPlan
-from gateway.simulator.axis import SimulatedAxis
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import SimulationClock
-from gateway.simulator.drive import MAX_READ_REGISTERS, MAX_WRITE_REGISTERS, SimulatedDrive
+from gateway.simulator.drive import SimulatedAxis, SimulatedDrive
 from gateway.simulator.drives.catalogue import DRIVES
-from gateway.simulator.drives.motor import Motor
+from gateway.simulator.drives.motor_drive import Motor
 from gateway.simulator.endpoints import Delay, SerialDriveServer, TcpDriveServer
 from gateway.simulator.gauge import VirtualGauge
 from gateway.simulator.mechanics import Mechanics, encoder_of, unit_mm
 from gateway.simulator.motion import Dynamics
-from gateway.simulator.ports import PortLinks
+from gateway.simulator.pty import PortLinks
 from gateway.simulator.screw import worn_screw
-from gateway.simulator.server import RegisterServer
+from gateway.simulator.server import MAX_READ_REGISTERS, MAX_WRITE_REGISTERS, RegisterServer
 from gateway.simulator.wire import PLAIN, Cable, SerialWire
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeGuard
 
+from gateway.catalogue import starts
 from gateway.files import FileRefusedError, kind_of, read_regular_file
 
 DEFAULT_STATE: Final = "state"
@@ -52,10 +53,12 @@ def state_folder(config: Path) -> Path:
     except FileRefusedError as error:
         raise StateError(str(error)) from None
     except (ValueError, RecursionError) as error:
-        raise StateError(f"not TOML: {error}; pitch-gateway check {config} says where") from None
+        raise StateError(
+            f"{starts.NOT_TOML.begin()}: {error}; pitch-gateway check {config} says where"
+        ) from None
     named = _named(document)
     if not _is_a_name(named):
-        raise StateError(f"gateway.state: found {named!r}; allowed: a folder")
+        raise StateError(f"{starts.NO_FOLDER_NAME.begin(found=named)}; allowed: a folder")
     return config.parent / named
 
 
@@ -160,8 +163,10 @@ def why_no_folder(folder: Path) -> FolderProblem | None:
         except FileNotFoundError:
             if not path.is_symlink():
                 continue  # it will be made
-            found = f"{path} is a link to {path.readlink()}, which does not exist"
-            return FolderProblem(found, _with_another("make the folder that it leads to"))
+            found = starts.LINK_TO_NOTHING.begin(path=path, target=path.readlink())
+            return FolderProblem(
+                f"{found}, which does not exist", _with_another("make the folder that it leads to")
+            )
         except PermissionError:
             return None
         except OSError as error:
@@ -169,7 +174,7 @@ def why_no_folder(folder: Path) -> FolderProblem | None:
         if stat.S_ISDIR(mode):
             return None
         kind = "a file" if stat.S_ISREG(mode) else kind_of(mode)
-        return FolderProblem(f"{path} is {kind}, and no folder", _with_another("move it away"))
+        return FolderProblem(starts.NOT_A_FOLDER.begin(path=path, kind=kind), _with_another("move it away"))
     return None
 
 
@@ -195,7 +200,7 @@ def why_not_usable(folder: Path, known: tuple[int, int] | None = None) -> Folder
     if not stat.S_ISDIR(status.st_mode):
         return why_no_folder(folder)
     if known is not None and known != (status.st_dev, status.st_ino):
-        found = f"{folder} is another folder than the one that the gateway uses"
+        found = starts.ANOTHER_FOLDER.begin(folder=folder)
         return FolderProblem(found, "put that one back, or start the gateway anew")
     free_blocks = disk.f_bfree if os.geteuid() == 0 else disk.f_bavail
     is_full = bool(disk.f_blocks) and free_blocks * disk.f_frsize < LEAST_FREE_BYTES
@@ -220,10 +225,12 @@ def why_open_to_others(folder: Path, owners: frozenset[int] | None) -> FolderPro
     except OSError:
         return None
     if status.st_mode & stat.S_IWOTH:
-        found = f"every user may write to {folder} (mode {stat.S_IMODE(status.st_mode):04o})"
+        mode = f"mode {stat.S_IMODE(status.st_mode):04o}"
+        found = f"{starts.OPEN_TO_ALL.begin(folder=folder)} ({mode})"
         return FolderProblem(found, f"who can write there can command axes: chmod o-w {folder}")
     if owners is not None and status.st_uid not in owners:
-        found = f"{folder} belongs to user {status.st_uid}, and this is user {os.geteuid()}"
+        owner = starts.ANOTHER_OWNER.begin(folder=folder, user=status.st_uid)
+        found = f"{owner}, and this is user {os.geteuid()}"
         return FolderProblem(
             found, f"its owner can command axes: give it to this user or to root, or {ANOTHER}"
         )

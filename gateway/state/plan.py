@@ -19,6 +19,7 @@ from typing import Final
 import msgspec
 
 import gateway
+from gateway.catalogue import starts
 from gateway.compensation.backlash import with_backlash
 from gateway.exchange.limits import without_live_values
 from gateway.exchange.plan import (
@@ -245,7 +246,7 @@ def write_plan(
     with alone_in(state):
         last = writer_of(state)
         if over is not None and (last is None or last.configuration != over.configuration):
-            raise StateError(f"{state / PLAN_NAME}: another configuration was compiled meanwhile")
+            raise StateError(starts.COMPILED_MEANWHILE.begin(plan=state / PLAN_NAME))
         for data in tables.values():
             write_table(state, data)
         write_if_new(state / PLAN_NAME, sealed(_encode(file)))
@@ -288,13 +289,13 @@ def read_plan(state: Path, config: Path, *, is_compared: bool = True) -> Compile
     if (writer.version, writer.gateway_version) != (VERSION, gateway.__version__):
         versions = f" (state versions {writer.version} and {VERSION})" if writer.version != VERSION else ""
         raise StateError(
-            f"{path} was made by release {writer.gateway_version}, and this is release "
+            f"{starts.ANOTHER_RELEASE.begin(plan=path, release=writer.gateway_version)}, and this is release "
             f"{gateway.__version__}{versions}; {remedy}"
         )
     try:
         file = msgspec.msgpack.decode(body, type=CompiledPlan)
     except msgspec.MsgspecError as error:
-        raise StateError(f"{path} is not understood: {error}; {remedy}") from None
+        raise StateError(f"{starts.NOT_UNDERSTOOD.begin(plan=path)}: {error}; {remedy}") from None
     if is_compared:
         _check_sources(file.sources, config, path, remedy)
     return with_tables(state, file, remedy)
@@ -311,13 +312,13 @@ def read_file(state: Path, remedy: str) -> tuple[Writer, bytes]:
         path.stat()
         body = unsealed(read_state(path))
     except FileNotFoundError:
-        raise StateError(f"it has not been compiled yet: there is no {path}; {remedy}") from None
+        raise StateError(f"{starts.NOT_COMPILED.begin()}: there is no {path}; {remedy}") from None
     except OSError as error:
         raise StateError(f"{path}: {error.strerror or error}; {remedy}") from None
     except FileRefusedError as error:
         raise StateError(f"{path}: {error.found}; {remedy}") from None
     except DamagedError as error:
-        raise StateError(f"{path} is damaged: {error}; {remedy}") from None
+        raise StateError(f"{starts.DAMAGED.begin(plan=path)}: {error}; {remedy}") from None
     return msgspec.msgpack.decode(body, type=Writer), body
 
 
@@ -335,14 +336,15 @@ def with_tables(state: Path, file: CompiledPlan, remedy: str = "") -> CompiledPl
 def _check_sources(sources: Mapping[str, str], config: Path, path: Path, remedy: str) -> None:
     if str(config.resolve()) not in sources:
         made_from = ", ".join(sources) or "nothing"
-        raise StateError(f"{path} was compiled from {made_from}, not from {config.resolve()}; {remedy}")
+        found = starts.ANOTHER_CONFIGURATION.begin(plan=path, made_from=made_from)
+        raise StateError(f"{found}, not from {config.resolve()}; {remedy}")
     for name, wanted in sources.items():
         try:
             found = hashlib.sha256(read_state(Path(name))).hexdigest()
         except FileRefusedError as error:
             raise StateError(f"{name}: {error.found}; {remedy}") from None
         if found != wanted:
-            raise StateError(f"{name} has changed since it was compiled; {remedy}")
+            raise StateError(f"{starts.CHANGED.begin(file=name)}; {remedy}")
 
 
 def sealed(content: bytes) -> bytes:
@@ -389,8 +391,9 @@ def refuse_newer(state: Path, writer: Writer | None) -> None:
     """
     if writer is None or writer.version <= VERSION or not _is_newer(writer.gateway_version):
         return
+    found = starts.NEWER_RELEASE.begin(state=state)
     raise StateError(
-        f"{state} was written by a newer release, {writer.gateway_version} (state version {writer.version}; "
+        f"{found}, {writer.gateway_version} (state version {writer.version}; "
         f"this is release {gateway.__version__}, which knows versions up to {VERSION}): install that release "
         f"again, or stop the gateway and move {state} away: the axes then start without what they remember"
     )

@@ -14,6 +14,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.catalogue import starts
 from gateway.compensation.table import CorrectionTable, Range, TableFacts
 from gateway.compensation.units import Units
 from gateway.files import FileRefusedError
@@ -162,7 +163,7 @@ def read_table(state: Path, digest: str, remedy: str) -> CorrectionTable:
     except WrongTableError as error:
         raise StateError(f"{path}: {error}; {remedy}") from None
     if table.digest != digest:
-        raise StateError(f"{path} holds another table than its name says; {remedy}")
+        raise StateError(f"{starts.ANOTHER_TABLE.begin(table=path)}; {remedy}")
     return table
 
 

@@ -3,9 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+
+from msgspec.structs import replace
 
 from gateway.config.problems import Problem
+from gateway.status.axis import ProblemStatus, TableStatus
 from gateway.supervisor.outcome import Outcome
 
 
@@ -30,14 +32,15 @@ class Entry:
     state: FileState
     problems: tuple[Problem, ...] = ()
 
-    def overlay(self) -> dict[str, Any]:
-        """Return what it adds to ``axes.NAME.table`` of the status model."""
-        return {
-            "file": self.file,
-            "status": self.state.value,
-            "error": str(self.problems[0]) if self.problems else None,
-            "problems": [problem.as_dict() for problem in self.problems],
-        }
+    def over(self, table: TableStatus) -> TableStatus:
+        """Return what the relay says of a table, with the state of its file."""
+        return replace(
+            table,
+            file=self.file,
+            status=self.state.value,
+            error=str(self.problems[0]) if self.problems else None,
+            problems=[ProblemStatus(**problem.as_dict()) for problem in self.problems],
+        )
 
 
 class Book:

@@ -4,11 +4,13 @@ All of it is bounded, and ends with the process; ``supervisor.past`` keeps some 
 """
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any, Final
+from typing import Final, NamedTuple
 
+from gateway.status.axis import AxisStatus, Reading
+from gateway.status.model import AcknowledgedBy, RelayModel, TroubleStatus
 from gateway.supervisor.acknowledged import Acknowledged, Acknowledgement
 from gateway.supervisor.trouble import Place, Trouble
 
@@ -43,6 +45,14 @@ class Target:
     """It was there before anybody looked."""
 
 
+class LastTarget(NamedTuple):
+    """How old the target of an axis is."""
+
+    age_s: float
+    is_at_least: bool
+    """It was there before anybody looked."""
+
+
 def _now() -> datetime:
     return datetime.now(UTC)
 
@@ -60,10 +70,10 @@ class Chronicle:
         self._last: dict[str, Seen] = {}
         self._targets: dict[str, Target] = {}
         self._history: dict[str, deque[Seen]] = {}
-        self._snapshot: Mapping[str, Any] | None = None
+        self._snapshot: RelayModel | None = None
 
-    def stamp(self, found: Sequence[Trouble], now: datetime) -> list[dict[str, Any]]:
-        """Return troubles as plain data, each with the time since when it is there, and who has seen it."""
+    def stamp(self, found: Sequence[Trouble], now: datetime) -> list[TroubleStatus]:
+        """Return troubles as the status shows them: since when each is there, and who has seen it."""
         self._found = found
         self._since = {each.place_key: self._since_of(each, now) for each in found}
         return [self._told(each) for each in found]
@@ -76,12 +86,10 @@ class Chronicle:
         begin = datetime.fromtimestamp(now.timestamp() - (each.age_s or 0.0), UTC)
         return begin.isoformat(timespec="seconds")
 
-    def _told(self, each: Trouble) -> dict[str, Any]:
+    def _told(self, each: Trouble) -> TroubleStatus:
         seen = self.acknowledged[each.place_key]
-        return {
-            **each.as_data(self._since[each.place_key]),
-            "acknowledged": None if seen is None else seen.as_data(),
-        }
+        by = None if seen is None else AcknowledgedBy(by=seen.by, at=seen.at)
+        return each.status(self._since[each.place_key], by)
 
     def acknowledge(
         self, kind: str, where: str, since: str, by: str, now: datetime
@@ -103,44 +111,44 @@ class Chronicle:
             before = self._words[about] = word, self._now().isoformat(timespec="seconds")
         return before[1]
 
-    def take(self, snapshot: Mapping[str, Any] | None, now_s: float) -> None:
+    def take(self, snapshot: RelayModel | None, now_s: float) -> None:
         """Keep where the axes are, of a snapshot that has not been taken yet."""
         if snapshot is None or snapshot is self._snapshot:
             return
         self._snapshot = snapshot
-        for name in self._history.keys() - snapshot["axes"].keys():
+        for name in self._history.keys() - snapshot.axes.keys():
             del self._history[name]
             self._last.pop(name, None)
             self._targets.pop(name, None)
             self._words.pop((name,), None)
-        for name, axis in snapshot["axes"].items():
+        for name, axis in snapshot.axes.items():
             seen = _seen(axis, now_s)
             if seen.nominal is not None:
                 self._last[name] = seen
-            elif name not in self._last and (told := axis.get("last_actual")) is not None:
-                at_s = now_s - told["age_s"]  # read before anybody looked
-                self._last[name] = Seen(at_s, told["nominal"], told["corrected"], None, axis["compensation"])
-            nominal, before = axis.get("nominal_setpoint"), self._targets.get(name)
+            elif name not in self._last and (told := axis.last_actual) is not None:
+                at_s = now_s - told.age_s  # read before anybody looked
+                self._last[name] = Seen(at_s, told.nominal, told.corrected, None, axis.compensation)
+            nominal, before = axis.nominal_setpoint, self._targets.get(name)
             if before is None or before.nominal != nominal:
                 self._targets[name] = Target(nominal, now_s, before is None)
             kept = self._history.setdefault(name, deque(maxlen=int(HISTORY_S / EVERY_S)))
             if not kept or seen.at_s - kept[-1].at_s >= EVERY_S - EARLY_S:
                 kept.append(seen)
 
-    def last(self, axis: str, now_s: float) -> dict[str, Any] | None:
+    def last(self, axis: str, now_s: float) -> Reading | None:
         """Return where an axis was seen last, with its age; None where it never was."""
         seen = self._last.get(axis)
         if seen is None:
             return None
         age_s = round(now_s - seen.at_s, 1)
-        return {"nominal": seen.nominal, "corrected": seen.corrected, "age_s": age_s}
+        return Reading(nominal=seen.nominal, corrected=seen.corrected, age_s=age_s)
 
-    def target(self, axis: str, now_s: float) -> dict[str, Any] | None:
+    def target(self, axis: str, now_s: float) -> LastTarget | None:
         """Return how old the target of an axis is; None where it has none."""
         target = self._targets.get(axis)
         if target is None or target.nominal is None:
             return None
-        return {"age_s": round(now_s - target.at_s, 1), "is_at_least": target.is_older}
+        return LastTarget(round(now_s - target.at_s, 1), target.is_older)
 
     def history(self, axis: str) -> Sequence[Seen] | None:
         """Return the last ten minutes of an axis, oldest first; None: nothing is known of it."""
@@ -152,10 +160,10 @@ class Chronicle:
         return {axis: kept[-1] for axis, kept in self._history.items() if kept}
 
 
-def _seen(axis: Mapping[str, Any], now_s: float) -> Seen:
-    nominal, corrected = axis.get("nominal_actual"), axis.get("corrected_actual")
-    correction = axis.get("correction")
-    if axis["compensation"] != "shadow" and nominal is not None and corrected is not None:
+def _seen(axis: AxisStatus, now_s: float) -> Seen:
+    nominal, corrected = axis.nominal_actual, axis.corrected_actual
+    correction = axis.correction
+    if axis.compensation != "shadow" and nominal is not None and corrected is not None:
         correction = corrected - nominal
-    at_s = now_s - (axis.get("actual_age_s") or 0.0)
-    return Seen(at_s, nominal, corrected, correction, axis["compensation"])
+    at_s = now_s - (axis.actual_age_s or 0.0)
+    return Seen(at_s, nominal, corrected, correction, axis.compensation)

@@ -6,7 +6,7 @@ newest events.
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -15,6 +15,7 @@ from typing import Any, Final
 from gateway.broadcast import NewestQueue
 from gateway.ipc.messages import DEFAULT_INTERVAL_S, SELDOM_S
 from gateway.ipc.notes import Note
+from gateway.status.model import Model
 
 EVENTS_KEPT: Final = 256
 """For each reader that is behind, and for whoever comes later."""
@@ -43,7 +44,7 @@ class News:
     """What has come since a reader looked last."""
 
     events: tuple[Told, ...]
-    model: Mapping[str, Any] | None
+    model: Model | None
     """The whole status model, if there is a newer one."""
     dropped: int
     """Events that were dropped because the reader was too slow."""
@@ -52,7 +53,7 @@ class News:
 class Feed:
     """What waits for one reader."""
 
-    def __init__(self, model: Mapping[str, Any] | None) -> None:
+    def __init__(self, model: Model | None) -> None:
         self._events: NewestQueue[Told] = NewestQueue(EVENTS_KEPT)
         self._model = model
         self._is_there = asyncio.Event()
@@ -72,7 +73,7 @@ class Feed:
         self._events.put(told)
         self._is_there.set()
 
-    def take_model(self, model: Mapping[str, Any]) -> None:
+    def take_model(self, model: Model) -> None:
         """Note a newer model; for :class:`Feeds`."""
         self._model = model
         self._is_there.set()
@@ -91,7 +92,7 @@ class Feeds:
     def __init__(self, pace: Callable[[float], None] = _hear_nothing) -> None:
         self._pace = pace
         self._wanted_s: list[float] = []
-        self.model: Mapping[str, Any] | None = None
+        self.model: Model | None = None
         """The newest status model; it is replaced, never changed."""
         self._feeds: set[Feed] = set()
         self._recent: deque[Told] = deque(maxlen=EVENTS_KEPT)
@@ -110,7 +111,7 @@ class Feeds:
         for feed in self._feeds:
             feed.take_event(told)
 
-    def publish(self, model: Mapping[str, Any]) -> None:
+    def publish(self, model: Model) -> None:
         """Pass a new model on; it must not be changed afterwards."""
         self.model = model
         for feed in self._feeds:

@@ -3,9 +3,9 @@
 import asyncio
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from gateway.backoff import Backoff
 from gateway.ipc.client import NoGatewayError, check_owner
@@ -21,6 +21,7 @@ from gateway.ipc.messages import (
     decode_reply,
     encode,
 )
+from gateway.status.model import RelayModel
 
 FIRST_WAIT_S: Final = 0.1
 LONGEST_WAIT_S: Final = 5.0
@@ -44,7 +45,7 @@ class Link:
         on_event: Callable[[Happened], None],
         on_snapshot: Callable[[], None],
     ) -> None:
-        self.snapshot: Mapping[str, Any] | None = None
+        self.snapshot: RelayModel | None = None
         """The newest status model; it stays when the relay is lost."""
         self.dropped = 0
         """Snapshots and events that did not come through, because this process was too slow."""

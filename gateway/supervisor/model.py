@@ -6,9 +6,15 @@ It is made anew for each snapshot and never changed afterwards.
 import time
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any, Final
+from typing import Final
+
+from msgspec import UNSET
+from msgspec.structs import asdict, replace
 
 import gateway
+from gateway.status.axis import AxisStatus, WholeAxis
+from gateway.status.line import ControllerStatus, LineStatus
+from gateway.status.model import GatewayStatus, Model, RelayModel, SupervisorStatus
 from gateway.supervisor.book import Entry
 from gateway.supervisor.chronicle import Chronicle
 from gateway.supervisor.trouble import is_fresh, of_axis, troubles
@@ -21,15 +27,15 @@ NO_LIMITS: Final[Limits] = {}
 
 def whole_model(
     name: str,
-    snapshot: Mapping[str, Any] | None,
+    snapshot: RelayModel | None,
     *,
     is_relay_up: bool,
     snapshot_age_s: float | None,
     tables: Mapping[str, Entry],
-    supervisor: Mapping[str, Any] | None,
+    supervisor: SupervisorStatus | None,
     chronicle: Chronicle | None = None,
     silent_after_s: Limits = NO_LIMITS,
-) -> dict[str, Any]:
+) -> Model:
     """Return the model.
 
     Args:
@@ -38,76 +44,63 @@ def whole_model(
         is_relay_up: whether the relay is connected.
         snapshot_age_s: how old the snapshot is.
         tables: what is known of the table files, by axis.
-        supervisor: what the supervisor says of itself: ``configuration``, ``tables_folder``,
-            ``state_folder``, ``http`` and ``mqtt``, each with a ``problem`` that is None where all is well.
-            None: there is no supervisor.
+        supervisor: what the supervisor says of itself; None: there is none.
         chronicle: what is remembered of the time before; None: nothing is.
         silent_after_s: after how long each controller counts as silent that has a limit of its own.
     """
     now_s = time.monotonic()
     chronicle = chronicle or Chronicle()
     chronicle.take(snapshot, now_s)
-    relay_gateway = {} if snapshot is None else snapshot["gateway"]
-    axes = {} if snapshot is None else snapshot["axes"]
-    model: dict[str, Any] = {
-        "gateway": {
-            "name": name,
-            "version": gateway.__version__,
-            "uptime_s": None,
-            **relay_gateway,
-            "relay": "up" if is_relay_up else "down",
-            "snapshot_age_s": None if snapshot_age_s is None else round(snapshot_age_s, 3),
+    told = snapshot or RelayModel(gateway=GatewayStatus(name=name, version=gateway.__version__))
+    uptime_s = told.gateway.uptime_s or 0.0
+    model = Model(
+        gateway=replace(
+            told.gateway,
+            relay="up" if is_relay_up else "down",
+            snapshot_age_s=None if snapshot_age_s is None else round(snapshot_age_s, 3),
+        ),
+        lines={
+            line: _with_silences(status, snapshot_age_s or 0.0, uptime_s, line, silent_after_s)
+            for line, status in told.lines.items()
         },
-        "lines": {
-            line: _with_silences(
-                status, snapshot_age_s or 0.0, relay_gateway["uptime_s"], line, silent_after_s
-            )
-            for line, status in ({} if snapshot is None else snapshot["lines"]).items()
-        },
-        "axes": {axis: _with_file(status, tables.get(axis)) for axis, status in axes.items()},
-        "supervisor": None if supervisor is None else dict(supervisor),
-    }
+        axes={axis: _with_file(status, tables.get(axis)) for axis, status in told.axes.items()},
+        supervisor=supervisor,
+    )
     found = troubles(model)
     chronicle.acknowledged.follow(found, now_s)
-    model["troubles"] = chronicle.stamp(found, datetime.now(UTC))
-    model["verdict"] = of_gateway(model, found, chronicle)
+    model.troubles = chronicle.stamp(found, datetime.now(UTC))
+    model.verdict = of_gateway(model, found, chronicle)
     verdicts = of_axes(model, found, chronicle)
-    for axis, status in model["axes"].items():
+    for axis, status in model.axes.items():
         worst = of_axis(found, axis)
-        status["verdict"] = verdicts[axis]
-        status["trouble"] = None if worst is None else worst.of_axis()
-        status["last_seen"] = chronicle.last(axis, now_s)
-        is_now = is_fresh(model) and status.get("nominal_actual") is not None
-        status["position"] = position_of(
-            status, status["last_seen"], chronicle.target(axis, now_s), is_now=is_now
-        )
+        status.verdict = verdicts[axis]
+        status.trouble = None if worst is None else worst.of_axis()
+        status.last_seen = chronicle.last(axis, now_s)
+        is_now = is_fresh(model) and status.nominal_actual is not None
+        status.position = position_of(status, status.last_seen, chronicle.target(axis, now_s), is_now=is_now)
     return model
 
 
 def _with_silences(
-    line: Mapping[str, Any], age_s: float, uptime_s: float, name: str, limits_s: Limits
-) -> dict[str, Any]:
+    line: LineStatus, age_s: float, uptime_s: float, name: str, limits_s: Limits
+) -> LineStatus:
     """Return a line whose controllers say how long they have been silent, and after how long that counts.
 
     One that has never asked has been silent since the relay's start. An older relay says nothing of it.
     """
-    if "controllers" not in line:
-        return dict(line)
-    return {
-        **line,
-        "controllers": [
-            {
-                **each,
-                "silent_s": round((uptime_s if each["asked_s"] is None else each["asked_s"]) + age_s, 3),
-                "silent_after_s": limits_s.get((name, each["name"])),
-            }
-            if "asked_s" in each
-            else each
-            for each in line["controllers"]
-        ],
-    }
+
+    def with_silence(each: ControllerStatus) -> ControllerStatus:
+        if each.asked_s is UNSET:
+            return each
+        return replace(
+            each,
+            silent_s=round((uptime_s if each.asked_s is None else each.asked_s) + age_s, 3),
+            silent_after_s=limits_s.get((name, each.name)),
+        )
+
+    return replace(line, controllers=[with_silence(each) for each in line.controllers])
 
 
-def _with_file(status: Mapping[str, Any], entry: Entry | None) -> dict[str, Any]:
-    overlay = {} if entry is None else entry.overlay()
-    return {**status, "table": {**status["table"], **overlay}}
+def _with_file(status: AxisStatus, entry: Entry | None) -> WholeAxis:
+    table = replace(status.table) if entry is None else entry.over(status.table)
+    return WholeAxis(**{**asdict(status), "table": table})

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from gateway.catalogue import starts
 from gateway.ipc.children import RELOADS
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.notes import Note
@@ -71,7 +72,7 @@ def _lock(state: Path) -> int:
         return take_lock(path)
     except BlockingIOError:
         raise StateError(
-            f"gateway.state: {path} belongs to a supervisor that runs: stop it first (run has one of its "
+            f"{starts.SUPERVISOR_RUNS.begin(place=path)}: stop it first (run has one of its "
             "own), or give this one a folder of its own with [gateway] state"
         ) from None
     except OSError as error:
@@ -124,8 +125,8 @@ async def _beat(feeds: Feeds, manager: ServiceManager) -> None:
 
 
 def _summary(feeds: Feeds) -> str:
-    model = feeds.model or {}
-    relay = model.get("gateway", {}).get("relay", "down")
-    troubles = model.get("troubles", ())
-    what = "".join(f"; {trouble['where']}: {trouble['what']}" for trouble in troubles[:1])
-    return f"the relay is {relay}{what}"
+    model = feeds.model
+    if model is None:
+        return "the relay is down"
+    what = "".join(f"; {trouble.where}: {trouble.what}" for trouble in model.troubles[:1])
+    return f"the relay is {model.gateway.relay}{what}"

@@ -9,6 +9,7 @@ import stat
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from gateway.files import mark_of
 from gateway.supervisor.stillness import Sight
 from gateway.tabfile import TabFileError, TableState, find_table
 
@@ -40,15 +41,7 @@ def _sight(folder: Path, name: str) -> Sight:
         return Sight(is_there=True, mark=(found.path.name, errno.ENOENT))
     except OSError as error:
         return Sight(is_there=True, mark=(found.path.name, error.errno))
-    mark = (
-        found.path.name,
-        status.st_dev,
-        status.st_ino,
-        status.st_mode,
-        status.st_size,
-        status.st_mtime_ns,
-        status.st_ctime_ns,
-    )
+    mark = (found.path.name, *mark_of(status), status.st_mode, status.st_ctime_ns)
     is_file = stat.S_ISREG(status.st_mode)  # opening anything else may do something
     return Sight(is_there=True, mark=mark, is_being_written=is_file and _is_being_written(found.path))
 

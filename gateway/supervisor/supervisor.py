@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from gateway.catalogue.entry import EventEntry, Severity
 from gateway.catalogue.process_events import RELAY_NOT_REACHED, RELAY_REACHED, SUPERVISING
@@ -33,6 +33,7 @@ from gateway.ipc.notes import Note, note_of
 from gateway.ipc.place import socket_path
 from gateway.state.folder import FolderProblem, identity_of, why_not_usable
 from gateway.state.plan import GatewayPlan
+from gateway.status.model import ConfigurationStatus, FolderStatus, SupervisorStatus
 from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.aside import aside
 from gateway.supervisor.book import Book
@@ -333,21 +334,21 @@ class Supervisor:
     def _settings_of(self, axis: str) -> AxisSettings | None:
         return settings_in(self._plan(), axis)
 
-    def _own_status(self) -> dict[str, Any]:
+    def _own_status(self) -> SupervisorStatus:
         silent_s = self._watch.silent_s
         problems = list(self._problems)
         if silent_s > SLOW_S:
             problems.insert(0, f"{self._watch.folder} has not answered for {silent_s:.0f} s")
-        return {
-            "configuration": {"file": str(self._config), "problem": "; ".join(self._refused) or None},
-            "tables_folder": {"folder": str(self._watch.folder), "problem": "; ".join(problems) or None},
-            "state_folder": {
-                "folder": str(self._state),
-                "problem": str(self._state_problem) if self._state_problem else None,
-            },
-            "http": self._http.status,
-            "mqtt": self._mqtt.status(),
-        }
+        state_problem = str(self._state_problem) if self._state_problem else None
+        return SupervisorStatus(
+            configuration=ConfigurationStatus(
+                file=str(self._config), problem="; ".join(self._refused) or None
+            ),
+            tables_folder=FolderStatus(folder=str(self._watch.folder), problem="; ".join(problems) or None),
+            state_folder=FolderStatus(folder=str(self._state), problem=state_problem),
+            http=self._http.status,
+            mqtt=self._mqtt.status(),
+        )
 
     def _reached(self) -> None:
         self._say(RELAY_REACHED)

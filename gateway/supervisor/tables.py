@@ -27,6 +27,7 @@ from gateway.state.folder import StateError, state_folder
 from gateway.state.last_good import last_plan
 from gateway.state.plan import CompiledPlan, LinePlan, TablesFolder, shape_of, write_tables
 from gateway.state.tables import digest_of
+from gateway.status.axis import AxisStatus
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight
@@ -259,12 +260,12 @@ def _into_shadow(path: Path, loaded: Loaded) -> list[str]:
         for line in loaded.plan.lines
         for axis in line.axes
         if axis.compensation is CompensationMode.SHADOW
-        and in_force[axis.name]["configured"]["compensation"] != CompensationMode.SHADOW.value
+        and in_force[axis.name].configured["compensation"] != CompensationMode.SHADOW.value
     ]
 
 
-def _axes(reply: Reply) -> Mapping[str, Any]:
-    return reply.status["axes"] if isinstance(reply, Status) else {}
+def _axes(reply: Reply) -> Mapping[str, AxisStatus]:
+    return reply.status.axes if isinstance(reply, Status) else {}
 
 
 def _need_restart(loaded: Loaded, before: CompiledPlan) -> list[str]:
@@ -355,18 +356,17 @@ def _hand_over(
     done: list[Done] = []
     for line in settled.plan.lines:
         for axis in line.axes:
-            configured = in_force[axis.name]["configured"]
+            configured = in_force[axis.name].configured
             done += (_done(ask(path, request)) for request in _values(configured, axis))
     for together in _together(settled.plan.lines):
         changed = [
             axis
             for axis in together
-            if axis.name in tables
-            and in_force[axis.name]["table"]["compiled"] != digest_of(tables[axis.name])
+            if axis.name in tables and in_force[axis.name].table.compiled != digest_of(tables[axis.name])
         ]
         if changed:
             done.append(_send(path, changed, tables))
-    gone = tuple(name for name, axis in in_force.items() if name not in tables and axis["table"]["points"])
+    gone = tuple(name for name, axis in in_force.items() if name not in tables and axis.table.points)
     if gone:
         done.append(_done(ask(path, ClearTable(axes=gone))))
     live = [axis for line in settled.plan.lines for axis in line.axes if _goes_live(in_force, axis)]
@@ -381,9 +381,9 @@ def _hand_over(
     return replace(outcome, comes=comes, gone=gone, problems=outcome.problems + problems)
 
 
-def _goes_live(in_force: Mapping[str, Any], axis: AxisPlan) -> bool:
+def _goes_live(in_force: Mapping[str, AxisStatus], axis: AxisPlan) -> bool:
     """Whether what an axis only shows is to be applied from now on."""
-    is_shown_only = in_force[axis.name]["configured"]["compensation"] == CompensationMode.SHADOW.value
+    is_shown_only = in_force[axis.name].configured["compensation"] == CompensationMode.SHADOW.value
     return is_shown_only and axis.compensation is CompensationMode.ON
 
 

@@ -5,14 +5,19 @@ The page's banner, the terminal, ``/healthz``, MQTT, metrics and alerts all show
 that lasts (``catalogue.troubles.HIDES``).
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
+
+from msgspec import UNSET
 
 from gateway.catalogue import troubles as kinds
 from gateway.catalogue.entry import Severity, TroubleEntry
 from gateway.catalogue.said import Said, said
 from gateway.catalogue.troubles import CONTROLLER_SILENT_S, FEWEST_ASKED, SILENT_S
+from gateway.status.axis import AxisStatus, AxisTrouble, RivalsStatus, TermsStatus
+from gateway.status.line import ControllerStatus, LineStatus, UnitIds
+from gateway.status.model import AcknowledgedBy, Model, SupervisorStatus, TroubleStatus
 from gateway.times import span
 
 STALE_S: Final = 2.0
@@ -61,42 +66,42 @@ class Trouble:
         is_within = place[: len(self.place)] == self.place
         return is_within and entry in kinds.HIDES.get(self.entry, ())
 
-    def of_axis(self) -> dict[str, Any]:
-        """Return what an axis has of it, as plain data."""
-        return {
-            "kind": self.entry.kind,
-            "severity": self.entry.severity.value,
-            "title": self.entry.title,
-            "cuts_off": self.entry.cuts_off,
-        }
+    def of_axis(self) -> AxisTrouble:
+        """Return what an axis shows of it."""
+        return AxisTrouble(
+            kind=self.entry.kind,
+            severity=self.entry.severity.value,
+            title=self.entry.title,
+            cuts_off=self.entry.cuts_off,
+        )
 
-    def as_data(self, since: str) -> dict[str, Any]:
-        """Return it as plain data; ``since`` as ISO 8601."""
-        return {
-            "kind": self.entry.kind,
-            "severity": self.entry.severity.value,
-            "audience": "operator",  # of all: whoever filtered by it sees every trouble
-            "where": self.where,
-            "what": str(self.what),
-            "says": said(self.what),
-            "remedy": self.entry.remedy,
-            "since": since,
-            "axes": list(self.axes),
-        }
+    def status(self, since: str, acknowledged: AcknowledgedBy | None) -> TroubleStatus:
+        """Return what the status says of it; ``since`` as ISO 8601."""
+        return TroubleStatus(
+            kind=self.entry.kind,
+            severity=self.entry.severity.value,
+            where=self.where,
+            what=str(self.what),
+            says=said(self.what),
+            remedy=self.entry.remedy,
+            since=since,
+            axes=list(self.axes),
+            acknowledged=acknowledged,
+        )
 
 
-def troubles(model: Mapping[str, Any]) -> list[Trouble]:
+def troubles(model: Model) -> list[Trouble]:
     """Return everything that is wrong, errors first, without what only follows from it."""
     places = {axis: (line, unit_id, axis) for line, unit_id, axis in _axes(model)}
     found = [
         *_of_relay(model),
-        *(trouble for name, line in model["lines"].items() for trouble in _of_line(name, line)),
+        *(trouble for name, line in model.lines.items() for trouble in _of_line(name, line)),
         *(
             trouble
-            for name, axis in model["axes"].items()
+            for name, axis in model.axes.items()
             for trouble in _of_axis(name, axis, places.get(name, ("?", "?", name)))
         ),
-        *_of_supervisor(model["supervisor"], tuple(model["axes"])),
+        *_of_supervisor(model.supervisor, tuple(model.axes)),
     ]
     causes = [
         trouble for trouble in found if not any(other.hides(trouble.entry, trouble.place) for other in found)
@@ -112,11 +117,11 @@ def is_hidden(kind: str, place: Place, found: Sequence[Trouble]) -> bool:
     return entry is not None and any(other.hides(entry, place) for other in found)
 
 
-def is_fresh(model: Mapping[str, Any]) -> bool:
+def is_fresh(model: Model) -> bool:
     """Whether what the relay told is of now: nobody may take an old position for the place of a machine."""
-    gateway = model["gateway"]
-    age_s = gateway["snapshot_age_s"]
-    return gateway["relay"] == "up" and age_s is not None and age_s <= STALE_S
+    gateway = model.gateway
+    age_s = gateway.snapshot_age_s
+    return gateway.relay == "up" and age_s is not None and age_s <= STALE_S
 
 
 def of_axis(found: Sequence[Trouble], axis: str) -> Trouble | None:
@@ -128,71 +133,64 @@ def _axes_named(axes: Sequence[str]) -> str:
     return f"{'axis' if len(axes) == 1 else 'axes'} {', '.join(axes)}"
 
 
-def _axes(model: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+def _axes(model: Model) -> Iterator[tuple[str, str, str]]:
     """Yield each axis with its line and its unit id; none of a relay of an older release."""
-    for name, line in model["lines"].items():
-        for axis, unit_id in line.get("unit_ids", _NOT_TOLD)["axes"].items():
+    for name, line in model.lines.items():
+        for axis, unit_id in line.unit_ids.axes.items():
             yield name, str(unit_id), axis
 
 
-def _of_relay(model: Mapping[str, Any]) -> Iterator[Trouble]:
-    gateway, axes = model["gateway"], tuple(model["axes"])
-    age_s = gateway["snapshot_age_s"]
-    if gateway["relay"] != "up":
+def _of_relay(model: Model) -> Iterator[Trouble]:
+    gateway, axes = model.gateway, tuple(model.axes)
+    age_s = gateway.snapshot_age_s
+    if gateway.relay != "up":
         yield Trouble(kinds.RELAY_DOWN, (), "gateway", kinds.RELAY_DOWN.meaning, axes)
     elif age_s is not None and age_s > STALE_S:
         what = Said("the relay has said nothing for {span}: the machine may not obey", span=span(age_s))
         yield Trouble(kinds.RELAY_SILENT, (), "gateway", what, axes, age_s)
 
 
-def _of_line(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
+def _of_line(name: str, line: LineStatus) -> Iterator[Trouble]:
     place, where = (name,), f"line {name}"
-    axes = tuple(line.get("unit_ids", _NOT_TOLD)["axes"])
-    if line["state"] != "up":
-        failure = line["drives"]["failure"]
+    axes = tuple(line.unit_ids.axes)
+    if line.state != "up":
+        failure = line.drives.failure
         what = Said(
             "the drives at {address} cannot be reached{failure}",
-            address=line["drives"]["address"],
+            address=line.drives.address,
             failure=f": {failure}" if failure else "",
         )
         yield Trouble(kinds.LINE_DOWN, place, where, what, axes)
-    if echo := line["drives"].get("echo"):
-        yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{line['drives']['address']}: {echo}", axes)
-    unit_ids = line.get("unit_ids", _NOT_TOLD)
-    malformed = line.get("minute", {}).get("malformed", 0)
+    if echo := line.drives.echo:
+        yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{line.drives.address}: {echo}", axes)
+    malformed = line.minute.malformed
     if malformed:
         what = Said(
             "{count} answers of the drives at {address} had a header whose length cannot be in the last "
             "minute: each ends its connection",
             count=malformed,
-            address=line["drives"]["address"],
+            address=line.drives.address,
         )
         yield Trouble(kinds.DRIVE_MALFORMED, place, where, what, axes)
-    yield from _of_drives(name, unit_ids)
+    yield from _of_drives(name, line.unit_ids)
     yield from _of_damage(name, line)
-    for controller in line.get("controllers", ()):
-        yield from _of_controller(name, controller, unit_ids)
+    for controller in line.controllers:
+        yield from _of_controller(name, controller, line.unit_ids)
     yield from _of_silence(name, line, axes)
     yield from _of_unit_ids(name, line)
 
 
-_NOT_TOLD: Final[Mapping[str, Any]] = {"axes": {}, "heard": [], "strangers": [], "requests": {}}
-"""By a relay of an older release, which runs on until somebody restarts it."""
-
-
-def _of_drives(line: str, unit_ids: Mapping[str, Any]) -> Iterator[Trouble]:
+def _of_drives(line: str, unit_ids: UnitIds) -> Iterator[Trouble]:
     """Say which unit ids do not answer, and which of them cannot be understood."""
-    for unit_id, drive in unit_ids.get("drives", {}).items():
-        silent_s, asked = drive["silent_s"], drive["timeouts_in_a_row"]
+    for unit_id, drive in unit_ids.drives.items():
+        silent_s, asked = drive.silent_s, drive.timeouts_in_a_row
         if silent_s is None or silent_s < SILENT_S:
             continue
-        axes = tuple(name for name, of in unit_ids["axes"].items() if str(of) == unit_id)
+        axes = tuple(name for name, of in unit_ids.axes.items() if str(of) == unit_id)
         place = (line, unit_id)
-        tried = (
-            "" if drive.get("tried_again_s") is None else Said(": only a trial goes there from time to time")
-        )
+        tried = "" if drive.tried_again_s is None else Said(": only a trial goes there from time to time")
         newest = min(asked, NEWEST)
-        other_ids = drive.get("other_ids_in_a_row", 0)
+        other_ids = drive.other_ids_in_a_row
         if other_ids and other_ids >= INSTEAD_SHARE * newest:
             where = _axes_named(axes) if axes else f"line {line}, unit id {unit_id}"
             what = Said(
@@ -200,7 +198,7 @@ def _of_drives(line: str, unit_ids: Mapping[str, Any]) -> Iterator[Trouble]:
                 whose=Said("its drive (unit id {unit_id})", unit_id=unit_id)
                 if axes
                 else Said("unit id {unit_id}, which has no axis,", unit_id=unit_id),
-                answers=drive["answers_with"],
+                answers=drive.answers_with,
                 span=span(silent_s),
                 tried=tried,
             )
@@ -217,12 +215,12 @@ def _of_drives(line: str, unit_ids: Mapping[str, Any]) -> Iterator[Trouble]:
                 yield Trouble(kinds.UNIT_SILENT, place, f"line {line}, unit id {unit_id}", what, (), silent_s)
             continue
         where, values = _axes_named(axes), {"unit_id": unit_id, "span": span(silent_s), "tried": tried}
-        if drive["answered_s"] is None:
+        if drive.answered_s is None:
             what = Said("its drive (unit id {unit_id}) has never answered for {span}{tried}", **values)
         else:
             what = Said("its drive (unit id {unit_id}) has not answered for {span}{tried}", **values)
         yield Trouble(kinds.DRIVE_SILENT, place, where, what, axes, silent_s)
-        damaged = drive["damaged_in_a_row"]
+        damaged = drive.damaged_in_a_row
         if damaged and damaged >= INSTEAD_SHARE * newest:
             what = Said(
                 "its drive (unit id {unit_id}) cannot be understood for {span}: {damaged} of {newest} "
@@ -239,16 +237,13 @@ NEWEST: Final = 32
 """So many of the unanswered requests in a row the relay knows the damage of."""
 
 
-def _of_damage(line: str, status: Mapping[str, Any]) -> Iterator[Trouble]:
+def _of_damage(line: str, status: LineStatus) -> Iterator[Trouble]:
     """Say of which unit ids many answers are damaged."""
-    minute = status.get("minute")
-    if minute is None:
-        return
-    frames = minute["exchanges"] + minute["damaged"]
-    for unit_id, drive in status["unit_ids"].get("drives", {}).items():
-        damaged = drive["damaged_minute"]
+    frames = status.minute.exchanges + status.minute.damaged
+    for unit_id, drive in status.unit_ids.drives.items():
+        damaged = drive.damaged_minute
         if damaged >= FEWEST_DAMAGED and damaged >= DAMAGED_SHARE * frames:
-            axes = tuple(name for name, of in status["unit_ids"]["axes"].items() if str(of) == unit_id)
+            axes = tuple(name for name, of in status.unit_ids.axes.items() if str(of) == unit_id)
             whose = f" ({', '.join(f'axis {axis}' for axis in axes)})" if axes else ""
             what = Said(
                 "{damaged} answers of unit id {unit_id}{whose} were damaged in the last minute, of {frames} "
@@ -262,83 +257,84 @@ def _of_damage(line: str, status: Mapping[str, Any]) -> Iterator[Trouble]:
             yield Trouble(kinds.DRIVE_DAMAGED, (line, unit_id), where, what, axes)
 
 
-def _of_controller(
-    line: str, controller: Mapping[str, Any], unit_ids: Mapping[str, Any]
-) -> Iterator[Trouble]:
-    name = controller["name"]
+def _of_controller(line: str, controller: ControllerStatus, unit_ids: UnitIds) -> Iterator[Trouble]:
+    name = controller.name
     place, where = (line, f"controller {name}"), f"line {line}, controller {name}"
-    axes = tuple(unit_ids["axes"]) if controller.get("role") == "motion" else ()
-    if controller.get("state") == "down" and controller.get("role") == "motion":
-        failure = f": {controller['failure']}" if controller.get("failure") else ""
-        what = Said("{address} is not open{failure}", address=controller["address"], failure=failure)
+    axes = tuple(unit_ids.axes) if controller.role == "motion" else ()
+    if controller.state == "down" and controller.role == "motion":
+        failure = f": {controller.failure}" if controller.failure else ""
+        what = Said("{address} is not open{failure}", address=controller.address, failure=failure)
         yield Trouble(kinds.PORT_CLOSED, place, where, what, axes)
-    if echo := controller.get("echo"):
-        yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{controller['address']}: {echo}", axes)
-    if "whole" in controller:
-        whole, damaged = controller["whole"], controller["damaged"]
-        minute = controller["minute"]
-        frames = minute["whole"] + minute["damaged"]
+    if echo := controller.echo:
+        yield Trouble(kinds.ADAPTER_ECHOES, place, where, f"{controller.address}: {echo}", axes)
+    whole, damaged, minute = controller.whole, controller.damaged, controller.minute
+    if whole is not UNSET and damaged is not UNSET and minute is not UNSET:
+        frames = minute.whole + minute.damaged
         if not whole and damaged >= FEWEST_DAMAGED:
             what = Said(
                 "{damaged} of {damaged} frames from {address} were damaged, not one was whole",
                 damaged=damaged,
-                address=controller["address"],
+                address=controller.address,
             )
             yield Trouble(kinds.CONTROLLER_GARBLED, place, where, what, axes)
-        if minute["damaged"] >= FEWEST_DAMAGED and minute["damaged"] >= DAMAGED_SHARE * frames:
+        if minute.damaged >= FEWEST_DAMAGED and minute.damaged >= DAMAGED_SHARE * frames:
             what = Said(
                 "{damaged} of {frames} frames from {address} were damaged in the last minute",
-                damaged=minute["damaged"],
+                damaged=minute.damaged,
                 frames=frames,
-                address=controller["address"],
+                address=controller.address,
             )
             yield Trouble(kinds.CONTROLLER_DAMAGED, place, where, what, axes)
-    asked = unit_ids.get("asked_by", {}).get(name, [])
-    strangers = [of for of in asked if of in unit_ids["strangers"]]
-    if strangers and strangers == asked and unit_ids["axes"] and controller.get("role") == "motion":
+    asked = unit_ids.asked_by.get(name, [])
+    strangers = [of for of in asked if of in unit_ids.strangers]
+    if strangers and strangers == asked and unit_ids.axes and controller.role == "motion":
         what = Said(
             "it talks only to unit id {ids}, which has no axis, and no axis hears it; there are {there}",
             ids=", ".join(map(str, strangers)),
-            there=", ".join(f"axis {axis} (unit id {of})" for axis, of in unit_ids["axes"].items()),
+            there=", ".join(f"axis {axis} (unit id {of})" for axis, of in unit_ids.axes.items()),
         )
         yield Trouble(kinds.UNHEARD_CONTROLLER, place, where, what, axes)
 
 
-def _of_silence(name: str, line: Mapping[str, Any], axes: tuple[str, ...]) -> Iterator[Trouble]:
+def _of_silence(name: str, line: LineStatus, axes: tuple[str, ...]) -> Iterator[Trouble]:
     """Say which controllers ought to be there and ask for nothing.
 
     A controller with a ``silent_after_s`` of its own is held to that. The other motion controllers of a line
     count together: the line has one as long as any motion controller asks.
     """
-    controllers = line.get("controllers", ())
+    controllers = line.controllers
     for controller in controllers:
-        limit_s = controller.get("silent_after_s")
-        if limit_s and "silent_s" in controller and controller["silent_s"] >= limit_s:
-            where = f"line {name}, controller {controller['name']}"
-            yield _silent((controller,), (name, f"controller {controller['name']}"), where, axes)
-    moving = [each for each in controllers if each.get("role") == "motion" and "silent_s" in each]
-    bound = tuple(each for each in moving if each.get("silent_after_s") is None)
-    if bound and min(each["silent_s"] for each in moving) >= CONTROLLER_SILENT_S:
+        limit_s, silent_s = controller.silent_after_s, controller.silent_s
+        if limit_s and silent_s is not UNSET and silent_s >= limit_s:
+            where = f"line {name}, controller {controller.name}"
+            yield _silent((controller,), (name, f"controller {controller.name}"), where, axes)
+    moving = [each for each in controllers if each.role == "motion" and each.silent_s is not UNSET]
+    bound = tuple(each for each in moving if each.silent_after_s is None)
+    if bound and _silent_s(moving) >= CONTROLLER_SILENT_S:
         if len(bound) == 1:
-            where = f"line {name}, controller {bound[0]['name']}"
-            yield _silent(bound, (name, f"controller {bound[0]['name']}"), where, axes)
+            where = f"line {name}, controller {bound[0].name}"
+            yield _silent(bound, (name, f"controller {bound[0].name}"), where, axes)
         else:
             yield _silent(bound, (name,), f"line {name}", axes)
 
 
+def _silent_s(controllers: Sequence[ControllerStatus]) -> float:
+    return min(each.silent_s for each in controllers if each.silent_s is not UNSET)
+
+
 def _silent(
-    controllers: Sequence[Mapping[str, Any]], place: Place, where: str, axes: tuple[str, ...]
+    controllers: Sequence[ControllerStatus], place: Place, where: str, axes: tuple[str, ...]
 ) -> Trouble:
-    silent_s = min(each["silent_s"] for each in controllers)
+    silent_s = _silent_s(controllers)
     is_there = any(
-        each["connections"] if "connections" in each else each["state"] == "up" for each in controllers
+        each.state == "up" if each.connections is UNSET else each.connections for each in controllers
     )
-    has_asked = any(each["asked_s"] is not None for each in controllers)
+    has_asked = any(each.asked_s is not None for each in controllers)
     if has_asked:
         since = Said("for {span}", span=span(silent_s))
     else:
         since = Said("since the gateway was started {span} ago", span=span(silent_s))
-    names = ", ".join(each["name"] for each in controllers)
+    names = ", ".join(each.name for each in controllers)
     if len(controllers) > 1 and is_there:
         what = Said("none of {names} has asked for anything {since}", names=names, since=since)
     elif len(controllers) > 1:
@@ -349,7 +345,7 @@ def _silent(
         )
     elif not is_there:
         what = Said("no controller: it is not connected, and it has asked for nothing {since}", since=since)
-    elif "connections" in controllers[0]:
+    elif controllers[0].connections is not UNSET:
         what = Said("it is connected, and it has asked for nothing {since}", since=since)
     else:
         what = Said("its port is open, and it has asked for nothing {since}", since=since)
@@ -357,12 +353,12 @@ def _silent(
     return Trouble(entry, place, where, what, axes, silent_s)
 
 
-def _of_unit_ids(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
+def _of_unit_ids(name: str, line: LineStatus) -> Iterator[Trouble]:
     """Say whom controllers talk to that is no axis, and which axis they do not talk to."""
     place, where = (name,), f"line {name}"
-    unit_ids = line.get("unit_ids", _NOT_TOLD)
-    strangers = ", ".join(map(str, unit_ids["strangers"]))
-    unheard = {name: of for name, of in unit_ids["axes"].items() if of not in unit_ids["heard"]}
+    unit_ids = line.unit_ids
+    strangers = ", ".join(map(str, unit_ids.strangers))
+    unheard = {name: of for name, of in unit_ids.axes.items() if of not in unit_ids.heard}
     if strangers and unheard:
         axes = ", ".join(f"axis {name} (unit_id {of})" for name, of in unheard.items())
         what = Said(
@@ -371,79 +367,79 @@ def _of_unit_ids(name: str, line: Mapping[str, Any]) -> Iterator[Trouble]:
             axes=axes,
         )
         yield Trouble(kinds.WRONG_UNIT_ID, place, where, what, tuple(unheard))
-    if unit_ids["requests"]:
-        heard = ", ".join(f"{of} ({count} requests)" for of, count in unit_ids["requests"].items())
+    if unit_ids.requests:
+        heard = ", ".join(f"{of} ({count} requests)" for of, count in unit_ids.requests.items())
         what = Said("controllers talk to unit id {heard}, which has no axis", heard=heard)
         yield Trouble(kinds.UNKNOWN_UNIT, place, where, what)
-    if line.get("wrong_units"):
-        what = Said("{count} replies had another unit id than was asked", count=line["wrong_units"])
+    if line.wrong_units:
+        what = Said("{count} replies had another unit id than was asked", count=line.wrong_units)
         yield Trouble(kinds.ANSWERS_AS, place, where, what)
 
 
 _OF_COMPENSATION: Final = {entry.kind: entry for entry in kinds.OF_COMPENSATION}
 
 
-def _of_axis(name: str, axis: Mapping[str, Any], place: Place) -> Iterator[Trouble]:
-    where, table, its = f"axis {name}", axis["table"], (name,)
+def _of_axis(name: str, axis: AxisStatus, place: Place) -> Iterator[Trouble]:
+    where, table, its = f"axis {name}", axis.table, (name,)
     what: str
-    if table["status"] == "rejected":
-        error, points = table["error"], table["points"]
+    if table.status == "rejected":
+        error, points = table.error, table.points
         if points:
             what = Said("{error} (the last good table of {points} points stays)", error=error, points=points)
         else:
             what = Said("{error} (no table)", error=error)
         yield Trouble(kinds.TABLE_REJECTED, place, where, what, its)
-    elif table["status"] == "removed":
-        gone = Said("{file} is not there: positions pass uncorrected", file=table["file"])
-        yield Trouble(kinds.TABLE_REMOVED, place, where, table["error"] or gone, its)
-    entry = _OF_COMPENSATION.get(axis["compensation"])
+    elif table.status == "removed":
+        gone = Said("{file} is not there: positions pass uncorrected", file=table.file)
+        yield Trouble(kinds.TABLE_REMOVED, place, where, table.error or gone, its)
+    entry = _OF_COMPENSATION.get(axis.compensation)
     if entry is not None:
         yield Trouble(entry, place, where, entry.meaning, its)
-    yield from _of_rivals(name, axis.get("rivals"), place)
+    yield from _of_rivals(name, axis.rivals, place)
     yield from _of_group(name, axis, place)
-    if axis["latency"]["is_over_budget"]:
-        budget = f"{axis['latency']['budget_us']:g}"
+    if axis.latency.is_over_budget:
+        budget = f"{axis.latency.budget_us:g}"
         what = Said("the gateway takes longer than budget_us = {budget}", budget=budget)
         yield Trouble(kinds.OVER_BUDGET, place, where, what, its)
-    for entry, what in _of_terms(axis.get("terms") or {}):
+    for entry, what in () if axis.terms is None else _of_terms(axis.terms):
         yield Trouble(entry, place, where, what, its)
 
 
-def _of_group(name: str, axis: Mapping[str, Any], place: Place) -> Iterator[Trouble]:
-    group = axis.get("group")
+def _of_group(name: str, axis: AxisStatus, place: Place) -> Iterator[Trouble]:
+    group = axis.group
     if group is None:
         return
-    if group["is_skewed"]:
-        skew = group["skew"]
+    if group.is_skewed:
+        skew = group.skew
         what = Said(
             "the axes of its group have not all gone: the beam is skewed, {by}",
             by=Said("nobody knows by how much")
             if skew is None
-            else Said("by {skew}", skew=f"{skew:+.6g} {axis['units']}"),
+            else Said("by {skew}", skew=f"{skew:+.6g} {axis.units}"),
         )
         yield Trouble(kinds.GROUP_SKEWED, place, f"axis {name}", what, (name,))
-    if group["is_put_off"]:
+    if group.is_put_off:
         yield Trouble(kinds.GROUP_HELD, place, f"axis {name}", kinds.GROUP_HELD.meaning, (name,))
 
 
-def _of_rivals(name: str, rivals: Mapping[str, Any] | None, place: Place) -> Iterator[Trouble]:
-    if rivals is None or rivals["refused"] + rivals["changes"] < FEWEST_TRIES:
+def _of_rivals(name: str, rivals: RivalsStatus | None, place: Place) -> Iterator[Trouble]:
+    if rivals is None or rivals.refused + rivals.changes < FEWEST_TRIES:
         return
-    one, other = rivals["writers"]
-    refused = Said("{count} requests were refused", count=rivals["refused"])
-    changed = Said("it changed hands {count} times", count=rivals["changes"])
-    if rivals["refused"] and rivals["changes"]:
+    one, other = rivals.writers
+    refused = Said("{count} requests were refused", count=rivals.refused)
+    changed = Said("it changed hands {count} times", count=rivals.changes)
+    if rivals.refused and rivals.changes:
         counted = Said("{one}, {other}", one=refused, other=changed)
     else:
-        counted = refused if rivals["refused"] else changed
+        counted = refused if rivals.refused else changed
     what = Said(
         "{one} and {other} both want to move it: {counted} in {span}",
         one=one,
         other=other,
         counted=counted,
-        span=span(rivals["since_s"]),
+        span=span(rivals.since_s),
     )
-    yield Trouble(kinds.TWO_WRITERS, place, f"axis {name}", what, (name,), rivals["since_s"])
+    yield Trouble(kinds.TWO_WRITERS, place, f"axis {name}", what, (name,), rivals.since_s)
 
 
 _OF_SENSOR: Final = {
@@ -459,18 +455,18 @@ _OF_OTHERS: Final = {
 """Held it is no trouble yet: any stop of an axis that is not read does that, until its next target."""
 
 
-def _of_terms(terms: Mapping[str, Any]) -> Iterable[tuple[TroubleEntry, str]]:
-    thermal, cross = terms.get("thermal", {}), terms.get("cross", {})
-    if thermal.get("is_silent"):
-        yield kinds.SENSOR_SILENT, _OF_SENSOR.get(thermal["state"], kinds.SENSOR_SILENT.meaning)
-    if cross.get("state") in _OF_OTHERS:
+def _of_terms(terms: TermsStatus) -> Iterable[tuple[TroubleEntry, str]]:
+    thermal, cross = terms.thermal, terms.cross
+    if thermal and thermal.is_silent:
+        yield kinds.SENSOR_SILENT, _OF_SENSOR.get(thermal.state, kinds.SENSOR_SILENT.meaning)
+    if cross and cross.state in _OF_OTHERS:
         what = Said(
             "it is not known where {axes}; {then}",
-            axes=_named(cross["axes"]),
-            then=_OF_OTHERS[cross["state"]],
+            axes=_named(cross.axes),
+            then=_OF_OTHERS[cross.state],
         )
         yield kinds.OTHER_AXIS_UNKNOWN, what
-    if terms.get("is_too_large"):
+    if terms.is_too_large:
         what = Said(
             "with the table, temperature and other axes come to more than max_correction; they do not follow"
         )
@@ -492,14 +488,14 @@ _OF_AXES: Final = (kinds.CONFIGURATION, kinds.TABLES_FOLDER, kinds.STATE_FOLDER)
 """What of the supervisor's an axis hangs on: which table it has, and what of it survives a start."""
 
 
-def _of_supervisor(supervisor: Mapping[str, Any] | None, axes: tuple[str, ...]) -> Iterator[Trouble]:
+def _of_supervisor(supervisor: SupervisorStatus | None, axes: tuple[str, ...]) -> Iterator[Trouble]:
     if supervisor is None:
         yield Trouble(
             kinds.SUPERVISOR_DOWN, ("supervisor",), "supervisor", kinds.SUPERVISOR_DOWN.meaning, axes
         )
         return
     for entry in kinds.OF_SUPERVISOR:
-        problem = supervisor[entry.kind]["problem"]
+        problem = getattr(supervisor, entry.kind).problem
         if problem:
             its = axes if entry in _OF_AXES else ()
             yield Trouble(entry, (entry.kind,), entry.kind.replace("_", " "), problem, its)

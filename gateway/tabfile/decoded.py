@@ -29,7 +29,12 @@ class Lint:
     message: str
     line: int | None = None
 
-    def to_json(self) -> dict[str, object]:
+    def line_in(self, file: str) -> str:
+        """Return it as one line about a file: place, severity, code, message."""
+        place = file if self.line is None else f"{file}:{self.line}"
+        return f"{place}: {self.severity.value} {self.code} {self.message}"
+
+    def as_data(self) -> dict[str, object]:
         """Return the remark as plain data."""
         return {
             "code": self.code,

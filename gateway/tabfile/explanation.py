@@ -36,10 +36,30 @@ class DirectionExplained:
 class Explanation:
     """Both directions; ``outside`` is None on the table, else the corrections are what ``hold`` gives."""
 
+    loaded: LoadedTable
     at: float
     outside: Outside | None
     forward: DirectionExplained
     backward: DirectionExplained
+
+    def as_data(self) -> dict[str, object]:
+        """Return it as plain data; corrections in ``units``."""
+        loaded = self.loaded
+        return {
+            "file": loaded.file,
+            "format": loaded.format,
+            "sha256": loaded.sha256,
+            "at": self.at,
+            "units": loaded.table.units.value,
+            "outside": self.outside.value if self.outside else None,
+            "policy": "hold" if self.outside else None,
+            "file_unit": loaded.source.value_unit,
+            "forward": _direction_data(self.forward, is_forward=True),
+            "backward": _direction_data(self.backward, is_forward=False),
+            "decisions": list(loaded.source.decisions),
+            "behaves_as": list(loaded.source.behaves_as),
+            "lints": [lint.as_data() for lint in loaded.lints],
+        }
 
 
 def explain(loaded: LoadedTable, at: float, counts_per_unit: float | None = None) -> Explanation:
@@ -54,7 +74,7 @@ def explain(loaded: LoadedTable, at: float, counts_per_unit: float | None = None
         index = table.segment(at)
         outside, low, high = None, rows[index], rows[index + 1]
     forward, backward = (_direction(loaded, branch, (low, high), at, counts_per_unit) for branch in BRANCHES)
-    return Explanation(at, outside, forward, backward)
+    return Explanation(loaded, at, outside, forward, backward)
 
 
 def _direction(
@@ -85,38 +105,19 @@ def _between(low: float, high: float, share: float) -> float:
     return low * (1 - share) + high * share
 
 
-def to_json(loaded: LoadedTable, explanation: Explanation) -> dict[str, object]:
-    """Return the explanation as plain data; corrections in ``units``."""
-    return {
-        "file": loaded.file,
-        "format": loaded.format,
-        "sha256": loaded.sha256,
-        "at": explanation.at,
-        "units": loaded.table.units.value,
-        "outside": explanation.outside.value if explanation.outside else None,
-        "policy": "hold" if explanation.outside else None,
-        "file_unit": loaded.source.value_unit,
-        "forward": _direction_json(explanation.forward, is_forward=True),
-        "backward": _direction_json(explanation.backward, is_forward=False),
-        "decisions": list(loaded.source.decisions),
-        "behaves_as": list(loaded.source.behaves_as),
-        "lints": [lint.to_json() for lint in loaded.lints],
-    }
-
-
-def _direction_json(direction: DirectionExplained, *, is_forward: bool) -> dict[str, object]:
+def _direction_data(direction: DirectionExplained, *, is_forward: bool) -> dict[str, object]:
     return {
         "correction": direction.correction,
         "corrected": direction.corrected,
         "file_value": direction.file_value,
         "sign_rule": direction.rule,
-        "segment": [_point_json(row, is_forward=is_forward) for row in (direction.low, direction.high)],
+        "segment": [_point_data(row, is_forward=is_forward) for row in (direction.low, direction.high)],
         "nominal_counts": direction.nominal_counts,
         "counts": direction.counts,
     }
 
 
-def _point_json(row: SourceRow, *, is_forward: bool) -> dict[str, object]:
+def _point_data(row: SourceRow, *, is_forward: bool) -> dict[str, object]:
     return {
         "position": row.position,
         "correction": row.forward if is_forward else row.backward,

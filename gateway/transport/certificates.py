@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.tls_events import CERTIFICATE_ENDED, CERTIFICATE_ENDS_SOON
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.secret_files import secret_path
+from gateway.status.line import CertificateStatus
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
@@ -469,20 +470,20 @@ class Endings:
             }
             self._tell(CERTIFICATE_ENDS_SOON if problem.is_good_now else CERTIFICATE_ENDED, fields)
 
-    def status(self, now: datetime) -> list[dict[str, Any]]:
+    def status(self, now: datetime) -> list[CertificateStatus]:
         """Return when each file is good no more: of several certificates in one the first to end counts."""
         first: dict[str, Held] = {}
         for held in self._held:
             if held.key not in first or (held.ends or NEVER) < (first[held.key].ends or NEVER):
                 first[held.key] = held
         return [
-            {
-                "key": key,
-                "file": held.file,
-                "subject": "" if held.life is None else held.life.subject,
-                "ends": None if held.ends is None else held.ends.isoformat(timespec="seconds"),
-                "days_left": _days_left(held.ends, now),
-            }
+            CertificateStatus(
+                key=key,
+                file=held.file,
+                subject="" if held.life is None else held.life.subject,
+                ends=None if held.ends is None else held.ends.isoformat(timespec="seconds"),
+                days_left=_days_left(held.ends, now),
+            )
             for key, held in first.items()
         ]
 

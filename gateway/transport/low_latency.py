@@ -13,9 +13,10 @@ import os
 import struct
 import termios
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
+
+from gateway.status.line import LatencySettings, Rs485
 
 SYSFS: Final = Path("/sys")
 LEAST_MS: Final = 1
@@ -30,35 +31,6 @@ TIOCSRS485: Final = 0x542F
 _RS485: Final = struct.Struct("=8I")
 """``struct serial_rs485``: flags, two delays in ms, and words that are neither read nor changed here."""
 _ENABLED, _RTS_ON_SEND, _RTS_AFTER_SEND, _RX_DURING_TX = 0x01, 0x02, 0x04, 0x10
-
-
-@dataclass(frozen=True, slots=True)
-class Rs485:
-    """How the kernel's driver switches the direction of an RS-485 line; delays in ms."""
-
-    enabled: bool
-    rts_on_send: bool
-    rts_after_send: bool
-    rx_during_tx: bool
-    delay_before_send_ms: int
-    delay_after_send_ms: int
-
-
-@dataclass(frozen=True, slots=True)
-class LatencySettings:
-    """What a port has in force; None where its driver has no such thing."""
-
-    ftdi_latency_timer_ms: int | None = None
-    """So long an FTDI adapter keeps bytes that do not fill a USB packet."""
-    async_low_latency: bool | None = None
-    """The low-latency flag of the port (``setserial low_latency``)."""
-    rx_trig_bytes: int | None = None
-    """So many bytes a 16550 collects before it interrupts; fewer wait for four characters of silence."""
-    rs485: Rs485 | None = None
-
-    def status(self) -> dict[str, object]:
-        """Return them as plain data."""
-        return asdict(self)
 
 
 def tune(

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Final
 
+from gateway.catalogue import starts
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 STATUS: Final = Path("/proc/self/status")
@@ -25,7 +26,7 @@ def why_no_port(endpoint: TcpEndpoint) -> tuple[str, str] | None:
 def no_port(endpoint: TcpEndpoint) -> tuple[str, str]:
     """Return what a port that may not be listened on is, and what to do."""
     return (
-        f"no permission to listen on {endpoint}",
+        starts.MAY_NOT_LISTEN.begin(endpoint=endpoint),
         (
             f"ports below {first_free_port()} need CAP_NET_BIND_SERVICE: pitch-gateway service CONFIG "
             "--systemd /etc/systemd/system gives it to the unit; or choose a higher port"
@@ -50,9 +51,11 @@ def no_device(endpoint: SerialEndpoint) -> tuple[str, str]:
     device = endpoint.device
     group = _group_of(device)
     if group is None:
-        return f"no permission for {device}", f"add the user to the group that owns it (ls -lL {device})"
+        return starts.MAY_NOT_OPEN.begin(
+            device=device
+        ), f"add the user to the group that owns it (ls -lL {device})"
     return (
-        f"no permission for {device}",
+        starts.MAY_NOT_OPEN.begin(device=device),
         f"add the user to the group {group} (sudo usermod -aG {group} USER, then log in again)",
     )
 

@@ -16,12 +16,14 @@ from typing import Final
 
 import serial
 
+from gateway.catalogue import starts
+from gateway.status.line import LatencySettings
 from gateway.transport.adopting import KeptSerial
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import AbsentError, RefusedError, TransportError
 from gateway.transport.keeper import Keeper
-from gateway.transport.low_latency import LatencySettings, flag_note, set_rs485, tune
+from gateway.transport.low_latency import flag_note, set_rs485, tune
 from gateway.transport.permissions import no_device
 from gateway.transport.serial_channel import PTY_MAJORS, SerialChannel, is_pty
 
@@ -64,9 +66,9 @@ class SerialPort:
         """Called when the port was lost; not when it is closed."""
 
     @property
-    def latency(self) -> dict[str, object] | None:
+    def latency(self) -> LatencySettings:
         """What in its driver makes bytes wait, as it was read back when the port was last opened."""
-        return self._settings.status()
+        return self._settings
 
     @property
     def is_open(self) -> bool:
@@ -227,12 +229,14 @@ def why_not_opened(endpoint: SerialEndpoint, error: Exception) -> TransportError
     number = error.errno if isinstance(error, OSError) else None
     device = endpoint.device
     if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO):
-        return AbsentError(f"{device} is not there; is the adapter plugged in? (ls -l /dev/serial/by-id)")
+        return AbsentError(
+            f"{starts.ABSENT.begin(device=device)}; is the adapter plugged in? (ls -l /dev/serial/by-id)"
+        )
     if number in (errno.EACCES, errno.EPERM):
         return RefusedError("; ".join(no_device(endpoint)))
     if number in (errno.EAGAIN, errno.EBUSY):
         return RefusedError(
-            f"{device} is in use by another program; stop it (fuser -v {device} names it), "
+            f"{starts.IN_USE.begin(place=device)}; stop it (fuser -v {device} names it), "
             "a line belongs to one program only"
         )
     text = str(error)
@@ -241,6 +245,6 @@ def why_not_opened(endpoint: SerialEndpoint, error: Exception) -> TransportError
         or "Could not configure port" in text
         or number in (errno.EISDIR, errno.ENOTTY)
     ):
-        return RefusedError(f"{device} is not a serial port")
+        return RefusedError(starts.NO_SERIAL_PORT.begin(device=device))
     shape = f"{endpoint.baudrate} Bd, {endpoint.data_bits}{endpoint.parity}{endpoint.stop_bits}"
-    return RefusedError(f"{device} cannot be set to {shape}: {text}")
+    return RefusedError(f"{starts.CANNOT_BE_SET.begin(device=device, shape=shape)}: {text}")

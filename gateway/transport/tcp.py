@@ -14,7 +14,9 @@ from enum import Enum
 from ipaddress import IPv4Network, IPv6Network
 from typing import Final, cast
 
+from gateway.catalogue import starts
 from gateway.clock import boot_ns
+from gateway.status.line import LatencySettings
 from gateway.times import NS_PER_S
 from gateway.transport.channel import CLOSED, CLOSED_BY_PEER, Channel, Receiver
 from gateway.transport.direct import MORE_BYTES, RECEIVE_BYTES, DirectSocket, FarEnd
@@ -442,7 +444,7 @@ class TcpConnector:
 
     notes: tuple[str, ...] = ()
     """As of a serial port; a connection has none."""
-    latency: dict[str, object] | None = None
+    latency: LatencySettings | None = None
     """As of a serial port; a connection has no settings of this kind."""
 
     def __init__(
@@ -534,7 +536,9 @@ async def connect(endpoint: TcpEndpoint, receiver: Receiver) -> TcpChannel:
                 lambda: TcpChannel(receiver), endpoint.host, endpoint.port
             )
     except TimeoutError as error:
-        raise AbsentError(f"{endpoint} did not answer within {CONNECT_TIMEOUT_S:g} s") from error
+        raise AbsentError(
+            f"{starts.NO_ANSWER.begin(endpoint=endpoint, seconds=CONNECT_TIMEOUT_S)} s"
+        ) from error
     except OSError as error:
         raise AbsentError(why_not_reached(endpoint, error)) from error
     return channel
@@ -542,13 +546,14 @@ async def connect(endpoint: TcpEndpoint, receiver: Receiver) -> TcpChannel:
 
 def why_not_reached(endpoint: TcpEndpoint, error: OSError) -> str:
     """Say why connecting failed; of a host name that is not known, what to do."""
+    found = starts.NOT_REACHED.begin(endpoint=endpoint)
     if isinstance(error, socket.gaierror):
         return (
-            f"{endpoint} cannot be reached: the host name {endpoint.host} is not known ({error.strerror}); "
+            f"{found}: the host name {endpoint.host} is not known ({error.strerror}); "
             "correct it, enter it in /etc/hosts or the name service, or write the IP address in its place"
         )
     why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error) or "nobody answers"
-    return f"{endpoint} cannot be reached: {why}"
+    return f"{found}: {why}"
 
 
 def _why(error: Exception) -> str:
@@ -591,13 +596,14 @@ def is_no_address_here(error: OSError) -> bool:
 def _why_not_listening(endpoint: TcpEndpoint, error: OSError) -> str:
     if error.errno == errno.EADDRINUSE:
         return (
-            f"{endpoint} is in use by another program; choose another port or stop that program "
+            f"{starts.IN_USE.begin(place=endpoint)}; choose another port or stop that program "
             f"(ss -ltnp 'sport = :{endpoint.port}' names it)"
         )
     if is_permission(error):
         return "; ".join(no_port(endpoint))
     if is_no_address_here(error):
-        return f"{endpoint} is no address of this machine; `ip address` lists those it has"
+        return f"{starts.NO_ADDRESS_HERE.begin(endpoint=endpoint)}; `ip address` lists those it has"
     if isinstance(error, socket.gaierror):
-        return f"host name {endpoint.host!r} is not known ({error.strerror}); use an address of this machine"
-    return f"cannot listen on {endpoint}: {error.strerror or error}"
+        found = starts.UNKNOWN_HOST.begin(host=endpoint.host)
+        return f"{found} ({error.strerror}); use an address of this machine"
+    return f"{starts.CANNOT_LISTEN.begin(endpoint=endpoint)}: {error.strerror or error}"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from gateway.files import FileRefusedError, read_regular_file
+from gateway.files import FileRefusedError, mark_of, read_regular_file
 from gateway.secret_files import refuse_open_to_others
 from gateway.transport.certificates import LARGEST_FILE, Held, TlsFileError, TlsFiles, read_held
 
@@ -40,7 +40,7 @@ def server_context(files: TlsFiles) -> ssl.SSLContext:
     """
     paths = files.paths
     for key, path in paths.items():
-        _look_at(key, path)
+        check_pem(key, path)
     context = bare_server_context()
     context.verify_mode = ssl.CERT_REQUIRED
     _load_own(context, paths)
@@ -108,10 +108,15 @@ def _sight(path: Path) -> object:
         status = path.stat()
     except OSError as error:
         return error.errno
-    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_mode
+    return mark_of(status), status.st_mode
 
 
-def _look_at(key: str, path: Path) -> None:
+def check_pem(key: str, path: Path) -> None:
+    """Check that a file in PEM can be read; that of ``key`` not by every user.
+
+    Raises:
+        TlsFileError: it cannot be read, or every user may read the key.
+    """
     try:
         read_regular_file(path, LARGEST_FILE, "a file in PEM")
         if key == "key":

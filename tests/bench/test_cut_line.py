@@ -9,7 +9,7 @@ from bench.cut_line import READ, WRITE_HEAD, Way, damaged, direct_ns, has_whole,
 from gateway.exchange.cut_through.frame import CutEvent
 from gateway.modbus.crc import append_crc
 from gateway.simulator.ears import Hearing
-from gateway.simulator.pacing import Adapter
+from gateway.simulator.wire import Adapter
 
 WRITE = append_crc(WRITE_HEAD + bytes(4))
 
@@ -39,12 +39,12 @@ def test_a_line_that_cuts_through_adds_its_delays(
     assert line.line.forwarding is not None
     # Of 300 writes and 300 reads the first 32 of each shape are learned from.
     said = line.line.forwarding.status()
-    assert said["requests"]["cut_through"] == 600 - 2 * 32
-    assert said["requests"]["stored"] == {"kept": 2 * 32}
-    assert (said["requests"]["spoilt"], said["replies"]["spoilt"], said["torn"]) == ({}, {}, 0)
+    assert said.requests.cut_through == 600 - 2 * 32
+    assert said.requests.stored == {"kept": 2 * 32}
+    assert (said.requests.spoilt, said.replies.spoilt, said.torn) == ({}, {}, 0)
     # Ten characters of a write and six of a read less a margin each: in the mean eight.
     char_us = 11e6 / way.baudrate
-    assert said["requests"]["gain_us"] == pytest.approx(8 * char_us - margin_us, abs=3)
+    assert said.requests.gain_us == pytest.approx(8 * char_us - margin_us, abs=3)
     assert line.events == {"line-up": 1}
 
 
@@ -54,7 +54,7 @@ def test_a_port_that_hands_whole_frames_over_stores() -> None:
     assert (found.unanswered, found.torn) == (0, 0)
     assert line.line.forwarding is not None
     assert line.line.forwarding.requests.ended[CutEvent.COMMITTED] == 0
-    assert line.line.forwarding.status()["requests"]["gain_us"] is None
+    assert line.line.forwarding.status().requests.gain_us is None
     assert line.events == {"line-up": 1, "cut-through-off": 2}  # of requests and of replies, once each
     stored = shares(way, run(Way(9600, cuts=False, adapter=way.adapter), 200)[0])
     assert shares(way, found) == pytest.approx(stored, abs=0.005)

@@ -15,7 +15,7 @@ from gateway.exchange.added_frames import AddedFrame, Purpose, read_field
 from gateway.exchange.axis.axis import Axis
 from gateway.modbus.lengths import UNTIL_SILENCE, request_length
 from gateway.modbus.rtu import encode_rtu
-from gateway.simulator.pacing import PacedWire
+from gateway.simulator.wire import PacedWire
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from tests.budget.budget_bench import known_axis, serial
 

@@ -4,6 +4,10 @@ import ast
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from string import Formatter
+
+from gateway.catalogue import starts
+from gateway.catalogue.entry import StartEntry
 
 PACKAGE = Path(__file__).parents[2] / "gateway"
 
@@ -31,6 +35,8 @@ def said(node: ast.expr | None, function: ast.AST | None, functions: Functions) 
         yield "".join(_part(part, function, functions) for part in node.values)
     elif isinstance(node, ast.Tuple):  # what was found, and what to do
         yield from said(node.elts[0], function, functions)
+    elif (entry := _of_catalogue(node)) is not None:
+        yield entry.says
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "join":
         yield from said(node.args[0], function, functions)
     elif isinstance(node, ast.Name) and function is not None:
@@ -41,6 +47,18 @@ def said(node: ast.expr | None, function: ast.AST | None, functions: Functions) 
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id != "str":
         for called in functions.get(node.func.id, []):
             yield from returned(called, functions)
+
+
+def _of_catalogue(node: ast.expr | None) -> StartEntry | None:
+    """Return the entry whose beginning is filled in here; None: none is."""
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "begin":
+        named = node.func.value
+        if isinstance(named, ast.Attribute) and getattr(named.value, "id", "") == "starts":
+            entry: StartEntry = getattr(starts, named.attr)
+            fields = {field for _, field, _, _ in Formatter().parse(entry.begins) if field}
+            assert {keyword.arg for keyword in node.keywords} == fields, named.attr
+            return entry
+    return None
 
 
 def _names(node: ast.AST) -> set[str]:

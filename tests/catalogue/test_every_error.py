@@ -2,9 +2,11 @@
 
 import ast
 from functools import cache
+from string import Formatter
 
 import pytest
 
+from gateway.catalogue import refusals
 from gateway.catalogue import troubles as kinds
 from gateway.catalogue.entry import RefusalEntry, StartEntry
 from gateway.catalogue.exceptions import TITLES
@@ -22,14 +24,35 @@ PASSED_ON = {"…: …; …", "…: …", "gateway.state: …", "…: …; it wa
 """What another part of the gateway or the system has said, with the file in front."""
 
 
+SHARED = {
+    "BROADCAST_POSITION",
+    "UNIT_NOT_MAPPED",
+    "UNIT_WITHOUT_AXIS",
+    "PART_LOST",
+    "REST_UNKNOWN",
+    "REST_UNCERTAIN",
+}
+"""Refusals that a function chooses among: who raises them fills in the same for each."""
+
+
+def _has_a_sentence(entry: object) -> bool:
+    return isinstance(entry, RefusalEntry) and bool(entry.begins)
+
+
 @cache
-def refused() -> set[str]:
-    """What is said where a request is refused; found when asked, for every run imports this file."""
-    return raised(trees("exchange"), frozenset({"RefusedRequestError"}), 2) | raised(
-        trees("exchange", "compensation", "modbus"),
-        frozenset({"RefusedPositionError", "OutOfTableError", "OutsideTravelError", "RegisterRangeError"}),
-        0,
-    )
+def refused() -> dict[str, set[str]]:
+    """Which refusals the gateway names, and with which fields each is filled in."""
+    found: dict[str, set[str]] = {}
+    for tree in trees("exchange", "compensation", "modbus"):
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "refusals":
+                found.setdefault(node.attr, set())
+        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
+            named = [call.func.value] if isinstance(call.func, ast.Attribute) else call.args[:1]
+            for name in named:
+                if isinstance(name, ast.Attribute) and getattr(name.value, "id", "") == "refusals":
+                    found[name.attr] |= {keyword.arg for keyword in call.keywords if keyword.arg}
+    return found
 
 
 @cache
@@ -78,26 +101,35 @@ def test_every_code_that_is_answered_has_a_title_and_a_reason() -> None:
         if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "ExceptionCode"
     }
     understood = {ExceptionCode.ACKNOWLEDGE}  # of a drive that says "later"; never answered
-    assert used - understood == {entry.code for entry in REFUSALS} <= set(TITLES)
+    assert used - understood <= {entry.code for entry in REFUSALS} <= set(TITLES)
 
 
-def test_every_refusal_is_explained() -> None:
-    unexplained = {
-        sentence
-        for sentence in refused()
-        if not any(entry.says and begins(sentence, entry.says) for entry in REFUSALS)
-    }
-    assert refused()
-    assert not unexplained
+def test_a_refusal_is_made_of_an_entry_everywhere() -> None:
+    """A sentence of its own has only the refusal of a position, which is one of these already."""
+    texts = raised(trees("exchange"), frozenset({"RefusedRequestError"}), 2) | raised(
+        trees("exchange", "compensation", "modbus"),
+        frozenset({"RefusedPositionError", "OutOfTableError", "OutsideTravelError", "RegisterRangeError"}),
+        0,
+    )
+    assert texts == set()
 
 
 def test_no_refusal_begins_with_a_figure_whose_sign_explain_would_take_for_an_option() -> None:
-    assert not [sentence for sentence in refused() if sentence.startswith("…")]
+    assert not [entry.says for entry in REFUSALS if entry.says.startswith("…")]
 
 
-@pytest.mark.parametrize("entry", [e for e in REFUSALS if e.says], ids=lambda entry: entry.says[:50])
-def test_every_explained_refusal_is_one(entry: RefusalEntry) -> None:
-    assert [sentence for sentence in refused() if begins(sentence, entry.says)]
+@pytest.mark.parametrize("name", [name for name, entry in vars(refusals).items() if _has_a_sentence(entry)])
+def test_every_refusal_is_told_of_with_all_that_it_names(name: str) -> None:
+    entry: RefusalEntry = getattr(refusals, name)
+    fields = {field for _, field, _, _ in Formatter().parse(entry.begins + entry.ends) if field}
+    if name in SHARED:
+        assert fields <= {"unit_id", "register"}
+    else:
+        assert refused()[name] == fields
+
+
+def test_those_that_are_chosen_among_are_named() -> None:
+    assert refused().keys() >= SHARED
 
 
 def test_every_reason_not_to_start_is_explained() -> None:

@@ -6,14 +6,12 @@ import re
 import pytest
 from typer.testing import CliRunner, Result
 
-from gateway.catalogue.counters import COUNTERS, counter
 from gateway.catalogue.events import EVENTS
-from gateway.catalogue.lookup import look_up
+from gateway.catalogue.lookup import counter, look_up
 from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import STARTS
 from gateway.cli.app import app
 from gateway.cli.explain import _complete
-from gateway.cli.status_output import SHOWN
 from gateway.supervisor.verdict import State
 from tests.supervisor.http.exposition import families
 from tests.supervisor.http.http_bench import SICK, model, snapshot
@@ -95,10 +93,6 @@ def test_every_counter_that_the_page_shows_is_known() -> None:
 @pytest.mark.parametrize("name", metric_counters())
 def test_every_counter_of_the_metrics_is_known(name: str) -> None:
     assert any(found.kind == "counter" for found in look_up(f"pitch_gateway_{name}_total")), name
-
-
-def test_every_counter_of_the_terminal_is_known() -> None:
-    assert set(SHOWN) <= set(COUNTERS)
 
 
 def test_a_sentence_of_the_log_is_found() -> None:

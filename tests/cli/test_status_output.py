@@ -7,7 +7,9 @@ from typing import Any
 
 from rich.console import Console
 
-from gateway.cli.status_output import show_status
+from gateway.cli.status_output import status_parts
+from gateway.status.model import Model
+from tests.status_models import model_of
 
 TOOK = {"p50": 101.26, "p99": 187.4, "p999": 493.6, "max": 495.1, "max_minute": 300.0}
 NOTHING_YET = {"p50": None, "p99": None, "p999": None, "max": 0.0, "max_minute": 0.0}
@@ -67,9 +69,14 @@ MODEL: dict[str, Any] = {
 }
 
 
+def show_status(console: Console, status: Model) -> None:
+    for part in status_parts(status):
+        console.print(part)
+
+
 def shown(model: dict[str, Any]) -> list[str]:
     file = io.StringIO()
-    show_status(Console(file=file, width=100, highlight=False), model)
+    show_status(Console(file=file, width=100, highlight=False), model_of(model))
     return [" ".join(line.split()) for line in file.getvalue().splitlines()]
 
 
@@ -137,7 +144,7 @@ def test_eighty_columns_are_enough_and_no_number_is_cut() -> None:
     model = copy.deepcopy(MODEL)
     model["axes"]["x"] |= {"nominal_setpoint": -12345.67891, "corrected_actual": -12345.67891}
     file = io.StringIO()
-    show_status(Console(file=file, width=80, highlight=False), model)
+    show_status(Console(file=file, width=80, highlight=False), model_of(model))
     assert max(map(len, file.getvalue().splitlines())) <= 80
     assert file.getvalue().count("-12345.6789") == 2
     assert "…" not in file.getvalue()
@@ -200,7 +207,7 @@ def test_an_axis_whose_drive_is_silent_says_that_and_where_it_was_seen_last() ->
     silent = {"state": "error", "kind": "drive-silent", "title": "Drive silent", "since": SINCE}
     model["axes"]["x"] |= {"verdict": silent, "position": last}
     shown = io.StringIO()
-    show_status(Console(file=shown, width=200), model)
+    show_status(Console(file=shown, width=200), model_of(model))
     [row] = [
         line for line in shown.getvalue().splitlines() if line.split()[:1] == ["x"] and "forward" in line
     ]
@@ -217,7 +224,7 @@ def test_a_target_that_nobody_reads_is_dim_with_its_age() -> None:
     target = {"of": "target", "nominal": 50.199, "corrected": 50.249, "age_s": 40.2, "is_at_least": True}
     model["axes"]["x"] |= {**unread, "position": target}
     file = io.StringIO()
-    show_status(Console(file=file, width=200, force_terminal=True, color_system="standard"), model)
+    show_status(Console(file=file, width=200, force_terminal=True, color_system="standard"), model_of(model))
     dim = "\x1b[2m"
     lines = file.getvalue().splitlines()
     [row] = [line for line in lines if "50.1990" in line]
@@ -255,7 +262,7 @@ def test_a_trouble_says_since_when_and_who_has_seen_it() -> None:
         }
     ]
     shown = io.StringIO()
-    show_status(Console(file=shown, width=200), model)
+    show_status(Console(file=shown, width=200), model_of(model))
     first, second, third = shown.getvalue().splitlines()[:3]
     assert first == "error axis x: its drive (unit id 1) has not answered for 12 s"
     then = datetime(2026, 5, 1, 12, tzinfo=UTC).astimezone()
@@ -273,7 +280,7 @@ def test_headings_stay_whole_on_eighty_columns_beside_long_times() -> None:
     line["controllers"][1].pop("state")
     line["controllers"][1]["connections"] = []
     file = io.StringIO()
-    show_status(Console(file=file, width=80, highlight=False), model)
+    show_status(Console(file=file, width=80, highlight=False), model_of(model))
     words = file.getvalue().split()
     assert {"connected", "controller", "exchange", "time-out"} <= set(words)
     # Of a time from 1 ms on, tenths of a µs say nothing.
@@ -286,7 +293,7 @@ def test_names_and_numbers_stay_whole_on_eighty_columns() -> None:
     far = {"nominal_setpoint": -1250.199, "corrected_setpoint": -1250.249, "corrected_actual": -1250.15}
     model["axes"] = {"crossbeam-left": X | far | {"compensation": "unreferenced"}}
     file = io.StringIO()
-    show_status(Console(file=file, width=80, highlight=False), model)
+    show_status(Console(file=file, width=80, highlight=False), model_of(model))
     words = file.getvalue().split()
     assert words.count("controller-mill") == 1
     assert words.count("crossbeam-left") == 3

@@ -129,7 +129,7 @@ def test_refine_says_when_another_round_brings_nothing(
     again = tmp_path / "after.csv"
     random = Random(8)
     targets = screws.targets_of(ISSUE, 41, 9)
-    from gateway.metrology.lookup import correction_at
+    from gateway.metrology.tables import correction_at
     from gateway.tabfile import FileContext, read_table
 
     used = read_table(table, FileContext()).table

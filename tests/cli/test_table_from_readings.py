@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from gateway.compensation.units import Units
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import APPROACHES
+from gateway.metrology.tables import correction_at
 from gateway.tabfile import FileContext, read_table
 from tests.metrology.iso230_readings import REPORTS
 from tests.metrology.samples import RTL, TB058_MANUAL

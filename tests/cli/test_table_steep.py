@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from gateway.metrology.program import random_targets
+from gateway.metrology.cycle import random_targets
 from tests.metrology import screws
 from tests.table_commands import good, refused, run
 

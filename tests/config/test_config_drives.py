@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.config.drive_files import read_profile
-from gateway.config.summary import summary, summary_lines
+from gateway.config.summary import DriveSummary, summary, summary_lines
 from gateway.drives import library
 from gateway.drives.profile import Transport
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
@@ -50,12 +50,8 @@ def test_a_file_of_ones_own_gives_the_axis_its_registers(tmp_path: Path) -> None
 
 def test_the_summary_names_the_drive_and_counts_its_traps(tmp_path: Path) -> None:
     result = loaded(tmp_path, own(tmp_path))
-    assert summary(result.plan, result.drives)["axes"]["x"]["drive"] == {
-        "name": "./mine.toml",
-        "title": "A drive of mine",
-        "tier": "own",
-        "traps": 1,
-    }
+    drive = summary(result.plan, result.drives).axes["x"].drive
+    assert drive == DriveSummary("./mine.toml", "A drive of mine", tier="own", traps=1)
     assert any(
         "A drive of mine (./mine.toml): a profile of your own, 1 traps to check" in text
         for text in summary_lines(result.plan, result.drives)

@@ -42,7 +42,7 @@ def test_a_group_reaches_the_plan_of_its_line_and_the_summary(tmp_path: Path) ->
     result = loaded(tmp_path, BOTH + ANOTHER_LINE, TABLES)
     assert result.warnings == ()
     assert [line.groups for line in result.plan.lines] == [(("x", "y"),), ()]
-    assert summary(result.plan, {})["lines"]["xyz"]["groups"] == [["x", "y"]]
+    assert summary(result.plan, {}).lines["xyz"].groups == [["x", "y"]]
     assert "  group of x, y: corrected together" in summary_lines(result.plan, {})
 
 

@@ -11,7 +11,7 @@ import pytest
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
-from gateway.config.summary import summary, summary_lines
+from gateway.config.summary import BacklashSummary, summary, summary_lines
 from gateway.tabfile import DIALECTS
 from tests.config.config_bench import GOOD, ONE_WAY, TWO_WAYS, edited, line_of, loaded, only, refused, written
 
@@ -414,5 +414,5 @@ def test_the_summary_says_that_there_is_only_a_backlash(tmp_path: Path) -> None:
     found = loaded(tmp_path, edited(ALONE))
     lines = summary_lines(found.plan, found.drives)
     assert "  no table: backlash of 0.2 mm, homed-forward" in lines
-    axis = summary(found.plan, found.drives)["axes"]["x"]
-    assert (axis["table"], axis["backlash"]) == (None, {"width": 0.2, "kind": "homed-forward"})
+    axis = summary(found.plan, found.drives).axes["x"]
+    assert (axis.table, axis.backlash) == (None, BacklashSummary(0.2, "homed-forward"))

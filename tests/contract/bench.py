@@ -5,7 +5,7 @@ from typing import Final
 
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.drives.catalogue import DRIVES
-from gateway.simulator.drives.motor import Motor
+from gateway.simulator.drives.motor_drive import Motor
 from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
 from gateway.simulator.ledger import MoveKind
 from gateway.simulator.mechanics import Encoder, Mechanics

@@ -96,6 +96,4 @@ async def _start(
 
 
 def _is_up(relay: Relay) -> bool:
-    line = relay.status()["lines"]["l"]
-    assert isinstance(line, dict)
-    return bool(line["state"] == "up")
+    return relay.status().lines["l"].state == "up"

@@ -12,7 +12,9 @@ from tests.docs.test_library import AT_A_MACHINE
 from tests.listen.lines import Frames, Registers, SimulatedLine
 from tests.measure.site import SECONDS, Gauge, Machine, gateway
 
-PROBE, LISTEN, MEASURE, SIGN_TEST = (block.text for block in blocks_by_section("library.md")[AT_A_MACHINE])
+PROBE, LISTEN, MEASURE, CAPTURE, SIGN_TEST = (
+    block.text for block in blocks_by_section("library.md")[AT_A_MACHINE]
+)
 
 
 async def assert_types(block: str, folder: Path) -> None:
@@ -48,12 +50,13 @@ async def test_a_line_is_listened_to(tmp_path: Path) -> None:
 
 
 @pytest.mark.timeout(300)
-async def test_the_axis_is_measured_and_its_table_tested(tmp_path: Path) -> None:
+async def test_the_axis_is_measured_its_frames_are_taken_and_its_table_tested(tmp_path: Path) -> None:
     async with Machine(tmp_path) as machine:
         machine.configure('compensation = "off"\n')
         with Gauge(machine) as gauge:
             (tmp_path / "gauge").symlink_to(gauge.path)
             async with gateway(machine):
                 await assert_types(MEASURE, tmp_path)
+                await assert_types(CAPTURE, tmp_path)
         machine.configure('table = "x.csv"\n')
         await assert_types(SIGN_TEST, tmp_path)

@@ -105,7 +105,7 @@ class Machine(Bench):
     def counters(self) -> tuple[int, int]:
         """What was not understood, and what was refused."""
         status = line_status(self.line, 0)
-        return status["unknown_modes"], status["refused"]
+        return status.unknown_modes, status.refused
 
 
 def _all() -> Iterator[tuple[str, Sequence]]:
@@ -264,10 +264,10 @@ def _corrected(sequence: Sequence, correction_counts: int = CORRECTION_COUNTS) -
 def _setpoint_counts(machine: Machine) -> int | None:
     """Return where the gateway takes the axis to have been sent, in the controller's counts."""
     [axis] = axes_status(machine.line, machine.now_ns).values()
-    setpoint_mm = axis["nominal_setpoint"]
+    setpoint_mm = axis.nominal_setpoint
     return None if setpoint_mm is None else round(1000 * setpoint_mm)
 
 
 def _is_referenced(machine: Machine) -> bool:
     [axis] = axes_status(machine.line, machine.now_ns).values()
-    return str(axis["compensation"]) != "unreferenced"
+    return str(axis.compensation) != "unreferenced"

@@ -8,6 +8,7 @@ from gateway.exchange.status import axis_status
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, MS, Bench, Memory, axis_plan, read, write
 from tests.exchange.staged_bench import HOMED_BIT, RUN_PDU, STATUS, STOP_PDU, StagedDrive, staged_plan
+from tests.status_models import plain
 
 STATUS_PDU = bytes.fromhex("03 005C 0001")
 
@@ -124,8 +125,7 @@ class BeamBench(Bench):
     def group(self, name: str = "y1") -> dict[str, Any]:
         """What the status says of the group of an axis."""
         axis = next(each for each in self.line.axes if each.plan.name == name)
-        found = axis_status(axis, self.now_ns)["group"]
-        assert isinstance(found, dict)
+        found: dict[str, Any] = plain(axis_status(axis, self.now_ns).group)
         return found
 
     def lose_homed_bit(self, unit_id: int) -> None:

@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from gateway.exchange.events import EventKind
+from gateway.catalogue import exchange_events
+from gateway.catalogue.entry import EventEntry
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming
 from tests.exchange.line_bench import MS, Bench, Link, Port
 
@@ -86,7 +87,7 @@ class ConnectionBench(Bench):
             self.line.tick(self.now_ns)
         self.now_ns = end_ns
 
-    def told(self, kind: EventKind = EventKind.LINE_DOWN) -> list[str]:
+    def told(self, kind: EventEntry = exchange_events.LINE_DOWN) -> list[str]:
         """Details of the events of a kind."""
         return [event.detail for event in self.events if event.kind is kind]
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from enum import Enum
 from typing import Any, ClassVar
 
+from gateway.catalogue import exchange_events
 from gateway.compensation.settings import AxisSettings, Setpoints
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
@@ -18,7 +19,7 @@ from gateway.exchange.cut_through.delay import (
     write_shape,
 )
 from gateway.exchange.cut_through.forward import Forwarder, Wire
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
 from gateway.exchange.ports import ControllerPort, DriveLink
@@ -338,7 +339,7 @@ class Bench:
 
     def kinds(self) -> list[str]:
         """Names of the events so far, but of that one which says that frames come at once."""
-        return [event.kind.value for event in self.events if event.kind is not EventKind.CUT_THROUGH_OFF]
+        return [event.kind.name for event in self.events if event.kind is not exchange_events.CUT_THROUGH_OFF]
 
 
 def _pieces(shape: Shape) -> list[Piece]:

@@ -83,4 +83,4 @@ class RecordBench(Bench):
     @property
     def told(self) -> list[str]:
         """Details of the events about records."""
-        return [e.detail for e in self.events if e.kind.value in ("restored", "record-not-used")]
+        return [e.detail for e in self.events if e.kind.name in ("restored", "record-not-used")]

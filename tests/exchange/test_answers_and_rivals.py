@@ -4,19 +4,20 @@ from typing import Any
 
 from gateway.exchange.plan import ControllerPlan, Role
 from gateway.exchange.status import axes_status
+from gateway.status.line import UnitStatus
 from tests.exchange.line_bench import COMMAND, MS, Bench, Port, axis_plan, write
+from tests.status_models import plain
 
 OTHER = bytes.fromhex("03 1000 0001")
 TIME_OUT_MS = 1000.0
 
 
-def drives(bench: Bench) -> dict[str, Any]:
-    found: dict[str, Any] = bench.line.unit_ids_status(bench.now_ns)["drives"]
-    return found
+def drives(bench: Bench) -> dict[str, UnitStatus]:
+    return bench.line.unit_ids_status(bench.now_ns).drives
 
 
 def rivals(bench: Bench) -> Any:
-    return axes_status(bench.line, bench.now_ns)["x"]["rivals"]
+    return plain(axes_status(bench.line, bench.now_ns)["x"].rivals)
 
 
 def controller(name: str) -> Port:
@@ -28,7 +29,7 @@ def controller(name: str) -> Port:
 def test_a_unit_id_that_nobody_asked_is_neither_silent_nor_has_it_answered() -> None:
     bench = Bench(axis_plan(actual=()), serial=False, tcp_drive=True)
     assert drives(bench) == {
-        "1": {"answered_s": None, "silent_s": None, "timeouts_in_a_row": 0, "tried_again_s": None}
+        "1": UnitStatus(answered_s=None, silent_s=None, timeouts_in_a_row=0, tried_again_s=None)
     }
 
 
@@ -36,39 +37,30 @@ def test_silence_lasts_from_the_first_request_without_an_answer_to_the_next_answ
     bench = Bench(axis_plan(actual=()), serial=False, tcp_drive=True)
     bench.ask(OTHER)
     bench.wait(5_000)
-    assert drives(bench)["1"] == {
-        "answered_s": 5.0,
-        "silent_s": None,
-        "timeouts_in_a_row": 0,
-        "tried_again_s": None,
-    }
+    assert drives(bench)["1"] == UnitStatus(
+        answered_s=5.0, silent_s=None, timeouts_in_a_row=0, tried_again_s=None
+    )
     for _ in range(3):
         bench.send(OTHER)
         bench.link.take()
         bench.wait(TIME_OUT_MS)
     bench.wait(500)
     # 5 s without a request, three time-outs of 1 s, half a second more.
-    assert drives(bench)["1"] == {
-        "answered_s": 8.5,
-        "silent_s": 3.5,
-        "timeouts_in_a_row": 3,
-        "tried_again_s": 0.5,  # a second after the third
-    }
+    assert drives(bench)["1"] == UnitStatus(
+        answered_s=8.5, silent_s=3.5, timeouts_in_a_row=3, tried_again_s=0.5
+    )  # a second after the third
     bench.wait(500)
     bench.port.replies.clear()
     bench.ask(OTHER)
-    assert drives(bench)["1"] == {
-        "answered_s": 0.0,
-        "silent_s": None,
-        "timeouts_in_a_row": 0,
-        "tried_again_s": None,
-    }
+    assert drives(bench)["1"] == UnitStatus(
+        answered_s=0.0, silent_s=None, timeouts_in_a_row=0, tried_again_s=None
+    )
 
 
 def test_an_exception_is_an_answer() -> None:
     bench = Bench(axis_plan(actual=()), serial=False, tcp_drive=True)
     bench.ask(bytes.fromhex("65 00"))
-    assert drives(bench)["1"]["answered_s"] == 0.0
+    assert drives(bench)["1"].answered_s == 0.0
 
 
 def test_who_talks_to_a_unit_id_is_known_also_where_nobody_answers() -> None:
@@ -76,7 +68,7 @@ def test_who_talks_to_a_unit_id_is_known_also_where_nobody_answers() -> None:
     bench.send(OTHER, controller("panel"), unit_id=17)
     bench.link.take()
     bench.wait(TIME_OUT_MS)
-    assert bench.line.unit_ids_status(bench.now_ns)["asked_by"] == {"panel": [17]}
+    assert bench.line.unit_ids_status(bench.now_ns).asked_by == {"panel": [17]}
 
 
 def test_writers_that_are_refused_are_rivals_for_a_minute_after_their_last_try() -> None:

@@ -6,6 +6,7 @@ from typing import Final
 
 import pytest
 
+from gateway.catalogue import exchange_events
 from gateway.compensation.moves import Accepted
 from gateway.compiled import is_compiled
 from gateway.drives.motion import Action
@@ -24,7 +25,6 @@ from gateway.exchange.axis.reference import (
 )
 from gateway.exchange.decode import AxisCommand, Frame
 from gateway.exchange.effects import finish
-from gateway.exchange.events import EventKind
 from gateway.exchange.plan import Reference
 from gateway.exchange.request import NOTHING_KNOWN, Request
 from gateway.exchange.unit import UnitMap
@@ -342,7 +342,7 @@ def test_what_cannot_be_is_told_counted_and_taken_for_the_worst_at_a_machine(
     axis.motion.enter(MotionState.SUPERSEDED)
     assert now() == (MotionState.UNKNOWN, False, True, True)
     bench.ask(b"\x03\x00\x50\x00\x01")
-    told = [each for each in bench.events if each.kind is EventKind.INTERNAL_FAULT]
+    told = [each for each in bench.events if each.kind is exchange_events.INTERNAL_FAULT]
     assert [each.detail for each in told] == [
         "motion: not-executed cannot be in moving",
         "motion: superseded without what belongs to it",
@@ -504,7 +504,7 @@ def test_each_loss_blocks_and_each_complete_target_lets_go(block: Block, event: 
         (True, False): ["axis-blocked"],
         (False, True): ["axis-released"],
     }.get((block is Block.NONE, axis.interlock.block is Block.NONE), [])
-    assert [each.kind.value for each in axis.take_events()][len(BLOCKED[block]) :] == told
+    assert [each.kind.name for each in axis.take_events()][len(BLOCKED[block]) :] == told
 
 
 def test_what_was_sent_before_a_loss_does_not_let_go_of_its_block() -> None:

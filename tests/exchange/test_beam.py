@@ -396,7 +396,7 @@ def test_a_later_one_that_its_drive_refuses_is_told_with_the_skew() -> None:
     bench = half_gone()
     bench.refuses.append((2, RUN_PDU, bytes.fromhex("86 04")))
     assert bench.to(2, RUN_PDU) == bytes.fromhex("86 04")
-    event = next(each for each in bench.events if each.kind.value == "group-skewed")
+    event = next(each for each in bench.events if each.kind.name == "group-skewed")
     assert event.axis == "y2"
     assert event.detail == "y1 has gone, and its own target was refused (exception 0x04): skewed by +10 mm"
     found = bench.group()
@@ -627,7 +627,7 @@ def test_an_axis_without_a_group_has_no_status_of_one() -> None:
     from gateway.exchange.status import axis_status
 
     bench = Bench(axis_plan())
-    assert axis_status(bench.line.axes[0], bench.now_ns)["group"] is None
+    assert axis_status(bench.line.axes[0], bench.now_ns).group is None
     assert staged_plan().name == "x"
 
 
@@ -799,7 +799,7 @@ def test_that_the_skew_is_not_known_is_told_at_once() -> None:
     bench.hides.append((1, RUN_PDU, None))
     bench.send(RUN_PDU, unit_id=1)
     bench.serve()
-    event = next(each for each in bench.events if each.kind.value == "group-skewed")
+    event = next(each for each in bench.events if each.kind.name == "group-skewed")
     assert event.axis == "y1"
     assert event.detail == (
         "its trigger was sent, and the drive may have obeyed it (exception 0x0b): the skew is not known"

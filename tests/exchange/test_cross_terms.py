@@ -13,6 +13,7 @@ from gateway.exchange.commands import SetReference
 from gateway.exchange.control import set_temperature
 from gateway.exchange.plan import AxisPlan, CrossPlan, Reference
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
+from gateway.status.axis import CrossStatus
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench
 
@@ -151,13 +152,10 @@ def test_an_other_axis_that_loses_its_reference_is_held_and_then_fades() -> None
     bench.wait(60_000.0)
     bench.move(400_000)
     assert told(bench) == 400_000
-    kinds = [(e.kind.value, dict(e.more)["term"]) for e in bench.events if e.kind.value.startswith("term-")]
+    kinds = [(e.kind.name, dict(e.more)["term"]) for e in bench.events if e.kind.name.startswith("term-")]
     assert kinds == [("term-follows", "cross"), ("term-held", "cross"), ("term-fades", "cross")]
-    assert terms(bench).status(x.compensation, bench.now_ns)["cross"] == {
-        "state": "faded",
-        "axes": ["y"],
-        "correction": 0.0,
-    }
+    found = terms(bench).status(x.compensation, bench.now_ns)
+    assert found.cross == CrossStatus(state="faded", axes=["y"], correction=0.0)
     bench.line.command(SetReference(axis="y"), bench.now_ns)
     go_y(bench, 300_000)
     bench.move(500_000)
@@ -178,14 +176,16 @@ def test_an_other_axis_without_a_target_counts_by_where_it_was_read_to_be() -> N
     bench.memory.put(Y_ACTUAL, 900_000)
     bench.move(300_000)
     assert told(bench) == 300_060
-    assert terms(bench).status(bench.line.axes[0].compensation, bench.now_ns)["cross"]["state"] == "held"
+    found = terms(bench).status(bench.line.axes[0].compensation, bench.now_ns)
+    assert found.cross
+    assert found.cross.state == "held"
 
 
 def test_an_other_axis_that_is_lost_before_it_ever_counted_is_waited_for() -> None:
     """As when a cable is pulled before the first target: y was read, and x was never told anything."""
     bench = Bench(x_plan(), y_plan())
     go_y(bench, 400_000)
-    assert [event.kind.value for event in terms(bench).events("x", bench.now_ns)] == ["term-follows"]
+    assert [event.kind.name for event in terms(bench).events("x", bench.now_ns)] == ["term-follows"]
     bench.line.link_down(bench.now_ns)
     assert terms(bench).events("x", bench.now_ns) == []
     bench.line.link_up(bench.now_ns)

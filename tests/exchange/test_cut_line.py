@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from gateway.catalogue import exchange_events
 from gateway.compiled import is_compiled
 from gateway.exchange.axis import impossible
 from gateway.exchange.axis.record_layout import Remembered
@@ -28,7 +29,6 @@ from gateway.exchange.cut_through.delay import (
 )
 from gateway.exchange.cut_through.frame import CutEvent
 from gateway.exchange.cut_through.requests import STORED_FOR, WEIGHED_AT_LEAST, Heads
-from gateway.exchange.events import EventKind
 from gateway.exchange.latency import bucket_of
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, ControllerPlan, OtherUnits
 from gateway.exchange.transaction import PHASE_AFTER, Phase, Step
@@ -778,7 +778,7 @@ def test_what_cannot_be_is_told_and_counted_and_the_line_goes_on(monkeypatch: py
     line.answer(ACKNOWLEDGED[3:])
     assert line.line.is_idle
     assert line.line.axes[0].fields[0].nominal_words == NEXT[6:]
-    told = [each.detail for each in line.bench.events if each.kind is EventKind.INTERNAL_FAULT]
+    told = [each.detail for each in line.bench.events if each.kind is exchange_events.INTERNAL_FAULT]
     assert (
         told == ["cut-through: kept cannot be in leaving"] * 2
     )  # of an acknowledgement two bytes are the head
@@ -802,5 +802,5 @@ def test_a_request_that_its_line_does_not_let_begin_takes_nothing_of_another_one
     current = line.line._transactions.current
     assert current is not None
     assert (current.port, current.pdu, current.phase) == (other, read(ACTUAL), Phase.SENT)
-    told = [each.detail for each in line.bench.events if each.kind is EventKind.INTERNAL_FAULT]
+    told = [each.detail for each in line.bench.events if each.kind is exchange_events.INTERNAL_FAULT]
     assert told == ["transaction: begins cannot be in waiting"]

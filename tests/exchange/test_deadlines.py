@@ -34,7 +34,7 @@ def test_a_stale_setpoint_is_refused() -> None:
     assert bench.line.counters.late_targets == 1
     assert bench.line.counters.refused == 1
     event = bench.events[-1]
-    assert (event.kind.value, event.axis) == ("late-target", "x")
+    assert (event.kind.name, event.axis) == ("late-target", "x")
     assert event.detail == 'it waited 4.1 ms, deadline_ms = 4: refused (late = "reject")'
 
 

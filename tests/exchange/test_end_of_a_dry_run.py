@@ -24,7 +24,7 @@ def arrived(bench: Bench, counts: int) -> None:
 
 
 def state(bench: Bench) -> object:
-    return axis_status(bench.line.axes[0], bench.now_ns)["compensation"]
+    return axis_status(bench.line.axes[0], bench.now_ns).compensation
 
 
 def test_it_comes_into_force_with_the_next_different_target() -> None:

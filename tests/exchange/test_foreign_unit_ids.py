@@ -9,6 +9,7 @@ from gateway.config.build import known_stops
 from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
 from gateway.exchange.plan import OtherUnits
 from gateway.modbus.registers import PositionField, RegisterType
+from gateway.status.line import UnitIds
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, write
 from tests.exchange.staged_bench import RUN_PDU, STOP_PDU, StagedBench, staged_plan
 
@@ -38,7 +39,7 @@ def test_a_target_to_another_unit_id_of_a_drive_that_may_not_look_at_it_is_refus
     assert sent_to(bench, unit_id, bytes.fromhex("06 0607 0001")) == []  # a part of it
     assert bench.port.take() == bytes((0x86, 0x0A))
     assert bench.kinds().count("unknown-unit") == 1
-    assert bench.line.unit_ids["requests"] == {str(unit_id): 2}
+    assert bench.line.unit_ids.requests == {str(unit_id): 2}
 
 
 def test_a_limit_of_the_axis_is_refused_too() -> None:
@@ -51,28 +52,28 @@ def test_what_touches_nothing_of_the_axis_passes_and_is_counted() -> None:
     bench = bench_of()
     for pdu in (OTHER, read(ACTUAL), OTHER):
         assert sent_to(bench, 17, pdu) == [(17, pdu)]
-    assert bench.line.unit_ids == {"heard": [17], "strangers": [17], "requests": {"17": 3}}
-    [event] = [event for event in bench.events if event.kind.value == "unknown-unit"]
+    assert bench.line.unit_ids == UnitIds(heard=[17], strangers=[17], requests={"17": 3})
+    [event] = [event for event in bench.events if event.kind.name == "unknown-unit"]
     assert event.detail == "a controller talks to unit id 17, which has no axis; there are x (unit id 1)"
 
 
 def test_a_device_that_is_named_gets_everything_and_is_not_counted() -> None:
     bench = bench_of(other_units=OtherUnits(frozenset({17})))
     assert sent_to(bench, 17, write(COMMAND, 70_000)) == [(17, write(COMMAND, 70_000))]
-    assert bench.line.unit_ids == {"heard": [17], "strangers": [], "requests": {}}
+    assert bench.line.unit_ids == UnitIds(heard=[17], strangers=[], requests={})
     assert sent_to(bench, 18, write(COMMAND, 70_000)) == []
 
 
 def test_behind_a_converter_of_several_axes_every_unit_id_passes() -> None:
     bench = bench_of(axis_plan(), axis_plan(name="y", unit_id=2))
     assert sent_to(bench, 17, write(COMMAND, 70_000)) == [(17, write(COMMAND, 70_000))]
-    assert bench.line.unit_ids["requests"] == {"17": 1}
+    assert bench.line.unit_ids.requests == {"17": 1}
 
 
 def test_on_a_wire_every_drive_knows_its_unit_id() -> None:
     bench = Bench(axis_plan(), serial=False)
     assert sent_to(bench, 17, write(COMMAND, 70_000)) == [(17, write(COMMAND, 70_000))]
-    assert bench.line.unit_ids == {"heard": [17], "strangers": [17], "requests": {}}
+    assert bench.line.unit_ids == UnitIds(heard=[17], strangers=[17], requests={})
 
 
 def test_a_trigger_is_refused_and_the_stop_of_any_known_drive_passes() -> None:

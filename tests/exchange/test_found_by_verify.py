@@ -224,7 +224,7 @@ def test_a_record_leaves_open_which_of_two_targets_sent_an_axis_to_one_on_the_wa
         ACK,  # 03 0520 0002 -> 0023 0000
     )
     world = play(BY_NAME["s-killed-onward"], *lost)
-    assert [event.kind.value for event in world.told] == ["restored", "direction-unsure"]
+    assert [event.kind.name for event in world.told] == ["restored", "direction-unsure"]
     axis = world.sides[0].line.axes[0]
     assert round(axis.motion.nominal_of(35)) == 203
 
@@ -244,7 +244,7 @@ def test_a_record_counts_at_the_second_kill_as_at_the_first() -> None:
     again = (KILL, ACK)  # 03 0520 0002 -> 235E 0000
     for kills in (again, again * 2, again * 3):
         world = play(BY_NAME["s-killed-stream"], *lost, *kills)
-        assert [event.kind.value for event in world.told] == ["restored"]
+        assert [event.kind.name for event in world.told] == ["restored"]
         assert world.said(0).direction == "forward"
 
 

@@ -4,7 +4,7 @@ from typing import Final
 
 import pytest
 
-from gateway.exchange.events import EventKind
+from gateway.catalogue import exchange_events
 from gateway.exchange.plan import ControllerPlan, LineTiming
 from gateway.exchange.queue import WAITING_BYTES
 from tests.exchange.line_bench import (
@@ -119,7 +119,7 @@ def test_requests_that_are_withdrawn_together_are_told_of_once_a_second() -> Non
             bench.send(OTHER, port, transaction_id=number)
         bench.line.controller_gone(port, bench.now_ns)
     bench.serve()
-    told = [event.detail for event in bench.events if event.kind is EventKind.WITHDRAWN]
+    told = [event.detail for event in bench.events if event.kind is exchange_events.WITHDRAWN]
     assert len(told) == 2
     assert told[0].startswith("a request of panel was not sent: ")
     assert bench.line.counters.withdrawn == 60
@@ -127,7 +127,7 @@ def test_requests_that_are_withdrawn_together_are_told_of_once_a_second() -> Non
     bench.send(OTHER, busy)
     bench.send(OTHER, panel)
     bench.line.controller_gone(panel, bench.now_ns)
-    told = [event.detail for event in bench.events if event.kind is EventKind.WITHDRAWN]
+    told = [event.detail for event in bench.events if event.kind is exchange_events.WITHDRAWN]
     assert told[2].endswith(", 30 times since the last note")
 
 

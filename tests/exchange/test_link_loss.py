@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from gateway.catalogue import exchange_events
 from gateway.exchange.axis.motion import MotionState
-from gateway.exchange.events import EventKind
 from gateway.exchange.link_loss import (
     LINK_LOSS,
     Base,
@@ -370,7 +370,7 @@ def test_a_connection_on_demand_is_closed_after_a_second_without_an_answer_and_n
     bench.returns(20)
     bench.serve()
     assert bench.port.take() == b"\x03\x02\x00\x00"
-    assert bench.told(EventKind.LINE_UP) == []
+    assert bench.told(exchange_events.LINE_UP) == []
 
 
 def test_a_connection_on_demand_stays_while_its_axis_is_under_way() -> None:
@@ -421,7 +421,7 @@ def test_line_down_is_told_once_a_minute_for_each_reason() -> None:
         bench.returns(10)
         bench.until(400)
     assert bench.told() == ["closed by its peer when idle"]
-    assert len(bench.told(EventKind.LINE_UP)) == 1
+    assert len(bench.told(exchange_events.LINE_UP)) == 1
     bench.breaks("closed after a malformed header: 00 01 00 00 00 01 01 83")
     bench.returns(10)
     bench.breaks("closed after a malformed header: 00 02 00 00 00 01 01 83")
@@ -442,7 +442,7 @@ def test_line_down_that_lasts_is_told_however_often_it_was() -> None:
     bench.until(1)
     assert len(bench.told()) == 2
     bench.returns(10)
-    assert len(bench.told(EventKind.LINE_UP)) == 2
+    assert len(bench.told(exchange_events.LINE_UP)) == 2
 
 
 def test_a_loss_under_way_is_told_at_once() -> None:

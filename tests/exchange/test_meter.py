@@ -4,6 +4,8 @@ from gateway.exchange.latency import middle_ns
 from gateway.exchange.latency_status import AT_FIRST, PARTS, LatencyStatus
 from gateway.exchange.meter import Measured
 from gateway.exchange.plan import ControllerPlan, Role
+from gateway.status.line import ControllerStatus, LineStatus
+from gateway.status.times import GatewayTimes
 from tests.exchange.line_bench import MS, Bench, Link, Port, axis_plan, stream_plan
 
 US = 1000
@@ -124,13 +126,24 @@ def test_waiting_for_the_line_is_no_gateway_time() -> None:
     assert measured.high.ever_ns == 2 * US
 
 
+def line_times(status: LatencyStatus) -> LineStatus:
+    line = LineStatus()
+    status.fill_line(line)
+    return line
+
+
+def controller_times(status: LatencyStatus, name: str) -> ControllerStatus:
+    controller = ControllerStatus(name=name)
+    status.fill_controller(controller)
+    return controller
+
+
 def test_no_percentile_lies_above_the_highest_time() -> None:
     bench = MeterBench(budget_us=5000.0)
     bench.exchange(1000, 0, 1, 0, 0)
     # 1 ms shares its bucket with all from 999 424 to 1 007 615 ns, whose middle is 1003.5 µs.
-    took_us = LatencyStatus(bench.line.meter).axis("x")["gateway_us"]
-    assert isinstance(took_us, dict)
-    assert [took_us[share] for share in ("p50", "p99", "p999", "max")] == [1000.0] * 4
+    took_us = LatencyStatus(bench.line.meter).axis("x").gateway_us
+    assert [took_us.p50, took_us.p99, took_us.p999, took_us.max] == [1000.0] * 4
 
 
 def test_a_monitor_is_measured_apart() -> None:
@@ -144,16 +157,15 @@ def test_a_monitor_is_measured_apart() -> None:
     assert sorted(bench.line.meter.measured) == [("cnc", 1), ("hmi", 1)]
     status = LatencyStatus(bench.line.meter)
     # Only what the link takes: 1 µs of work, 1 µs to write.
-    two_us = {"p50": 2.0, "p99": 2.0, "p999": 2.0, "max": 2.0, "max_minute": 2.0}
-    assert status.controller("hmi")["gateway_us"] == two_us
-    status.line()
+    two_us = GatewayTimes(p50=2.0, p99=2.0, p999=2.0, max=2.0, max_minute=2.0)
+    assert controller_times(status, "hmi").gateway_us == two_us
+    line_times(status)
     status.axis("x")
     for _ in range(10):  # two pairs are added up for each of ten figures
         status.refresh(bench.now_ns)
-    of_line = status.line()["gateway_us"]
-    assert isinstance(of_line, dict)
-    assert (of_line["p50"], of_line["p99"], of_line["max"]) == (2.0, 4.0, 4.0)
-    assert status.axis("x")["gateway_us"] == of_line
+    of_line = line_times(status).gateway_us
+    assert (of_line.p50, of_line.p99, of_line.max) == (2.0, 4.0, 4.0)
+    assert status.axis("x").gateway_us == of_line
 
 
 def test_an_overrun_is_told_once_when_it_begins_and_once_when_it_has_ended() -> None:
@@ -227,8 +239,8 @@ def test_percentiles_of_many_are_worked_out_a_few_at_a_time() -> None:
     names = [f"cnc-{number}" for number in range(10)]
 
     def known() -> int:
-        shown = [status.controller(name)[part] for name in names for part in PARTS]
-        return sum(isinstance(figures, dict) and figures["p50"] is not None for figures in shown)
+        shown = [controller_times(status, name) for name in names]
+        return sum(getattr(each, part).p50 is not None for each in shown for part in PARTS)
 
     # Of one controller nothing has to be added up: twelve at once each time.
     assert known() == AT_FIRST
@@ -236,17 +248,16 @@ def test_percentiles_of_many_are_worked_out_a_few_at_a_time() -> None:
         status.refresh(bench.now_ns)
         known()
     assert known() == 50
-    line = status.line()["gateway_us"]
-    assert isinstance(line, dict)
-    assert (line["p50"], line["max"]) == (None, 109.0)  # ten pairs have to be added up first
+    line = line_times(status).gateway_us
+    assert (line.p50, line.max) == (None, 109.0)  # ten pairs have to be added up first
     bench.port = bench.timed_port = TimedPort(ControllerPlan("cnc-0"))
     for _ in range(9):
         bench.exchange(work_us=500, write_us=0, drive_us=900, turn_us=0, answer_us=0)
     for _ in range(40):  # 50 walks for the controllers, 45 additions for the five figures of the line
         status.refresh(bench.now_ns)
-    line = status.line()["gateway_us"]
-    assert isinstance(line, dict)
-    assert is_about(line["p50"], 109)  # 19 exchanges, the tenth of them: 100 to 109 µs, then nine of 500
-    found = status.controller("cnc-0")["gateway_us"]
-    assert isinstance(found, dict)
-    assert is_about(found["p50"], 500)
+    line = line_times(status).gateway_us
+    assert line.p50 is not None
+    assert is_about(line.p50, 109)  # 19 exchanges, the tenth of them: 100 to 109 µs, then nine of 500
+    found = controller_times(status, "cnc-0").gateway_us
+    assert found.p50 is not None
+    assert is_about(found.p50, 500)

@@ -207,7 +207,7 @@ def test_w8_what_is_refused_twice_is_not_asked_before_the_link_comes_up() -> Non
         bench.ask(write(COMMAND, counts))
         assert bench.seen == [write(COMMAND, counts + 410)]  # its branch is kept
         assert unsure(bench)
-    told = [event.detail for event in bench.events if event.kind.value == "direction-unsure"]
+    told = [event.detail for event in bench.events if event.kind.name == "direction-unsure"]
     why = "where the axis is could not be told; it keeps its branch; its drive refuses to tell its actual"
     assert told == [f"{why} position"]
     bench.line.link_down(bench.now_ns)

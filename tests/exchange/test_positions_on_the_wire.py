@@ -144,10 +144,10 @@ def test_shadow_computes_and_shows_what_it_would_write() -> None:
     bench.move(50_000)
     bench.move(20_000)
     status = axis_status(bench.line.axes[0], bench.now_ns)
-    assert status["compensation"] == "shadow"
-    assert status["correction"] == pytest.approx(-0.01)
-    assert status["nominal_setpoint"] == pytest.approx(20.0)
-    assert status["corrected_setpoint"] == pytest.approx(19.99)
+    assert status.compensation == "shadow"
+    assert status.correction == pytest.approx(-0.01)
+    assert status.nominal_setpoint == pytest.approx(20.0)
+    assert status.corrected_setpoint == pytest.approx(19.99)
 
 
 def test_a_reading_is_shown_for_two_seconds() -> None:
@@ -160,7 +160,7 @@ def test_a_reading_is_shown_for_two_seconds() -> None:
 
     def shown(age_ms: int) -> tuple[object, object]:
         status = axis_status(bench.line.axes[0], read_ns + age_ms * MS)
-        return status["nominal_actual"], status["corrected_actual"]
+        return status.nominal_actual, status.corrected_actual
 
     assert shown(2_000) == (pytest.approx(50.0), pytest.approx(50.01))
     assert shown(2_001) == (None, None)
@@ -170,7 +170,7 @@ def test_without_a_table_positions_pass_one_to_one() -> None:
     bench = Bench(axis_plan(table=None))
     bench.move(50_000)
     assert bench.seen == [write(COMMAND, 50_000)]
-    assert axis_status(bench.line.axes[0], bench.now_ns)["compensation"] == "no-table"
+    assert axis_status(bench.line.axes[0], bench.now_ns).compensation == "no-table"
 
 
 def test_an_axis_is_corrected_only_while_its_homed_bit_is_set() -> None:

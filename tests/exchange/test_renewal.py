@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import pytest
 
+from gateway.catalogue import exchange_events
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.commands import SetReference
-from gateway.exchange.events import EventKind
 from gateway.exchange.plan import Reference
 from tests.exchange.connection_bench import ConnectionBench, controller
 from tests.exchange.line_bench import ACTUAL, COMMAND, axis_plan, read, write
@@ -36,7 +36,7 @@ def test_w11_a_connection_is_made_anew_after_three_time_outs_without_a_byte() ->
     mute(bench, times=1)
     assert bench.connection.renewed == 1
     assert not bench.line.is_up
-    assert len(bench.told(EventKind.CONNECTION_RENEWED)) == 1
+    assert len(bench.told(exchange_events.CONNECTION_RENEWED)) == 1
     assert bench.told() == []
 
 

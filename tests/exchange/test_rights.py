@@ -127,7 +127,7 @@ def test_w9_a_unit_id_that_is_not_allowed_is_absent() -> None:
     assert asked(bench, panel(rights), READ_PLACE, 2) == "030400000000"
     assert asked(bench, panel(rights, serial=True), READ_PLACE, 1) == ""  # as of a drive that is not there
     assert bench.line.counters.refused == 2
-    [event] = [event for event in bench.events if event.kind.value == "request-refused"]
+    [event] = [event for event in bench.events if event.kind.name == "request-refused"]
     assert dict(event.more) == {
         "controller": "panel",
         "peer": "10.0.0.2",
@@ -205,7 +205,7 @@ def test_w9_a_monitor_that_writes_is_told_of_once_a_minute() -> None:
     for _ in range(600):
         assert asked(bench, port, WRITE_POSITION) == "9001"
         bench.now_ns += 200 * MS
-    details = [event.detail for event in bench.events if event.kind.value == "request-refused"]
+    details = [event.detail for event in bench.events if event.kind.name == "request-refused"]
     sentence = "hmi was refused: a request that may write, from a monitor (role)"
     assert details == [sentence, f"{sentence}, 300 times since the last note"]
     assert bench.seen == []

@@ -203,8 +203,8 @@ def test_w11_the_link_that_comes_up_ends_it_and_the_unit_stays_silent_until_it_a
     bench.line.link_up(bench.now_ns)
     bench.send(OTHER, unit_id=2)
     assert bench.link.take() == OTHER
-    status = bench.line.unit_ids_status(bench.now_ns)["drives"]["2"]
-    assert (status["timeouts_in_a_row"], status["tried_again_s"]) == (3, None)
+    status = bench.line.unit_ids_status(bench.now_ns).drives["2"]
+    assert (status.timeouts_in_a_row, status.tried_again_s) == (3, None)
 
 
 def test_w11_a_controller_that_waits_for_another_answer_first_gets_that_first() -> None:

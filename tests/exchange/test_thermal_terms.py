@@ -44,7 +44,7 @@ def told(bench: Bench) -> float:
 
 
 def events(bench: Bench, kind: str) -> list[str]:
-    return [event.detail for event in bench.events if event.kind.value == kind]
+    return [event.detail for event in bench.events if event.kind.name == kind]
 
 
 def test_a_warm_screw_is_told_less_and_reads_back_what_was_commanded() -> None:

@@ -273,7 +273,7 @@ def test_w6_behind_two_such_answers_the_next_read_waits_and_goes_late_and_a_writ
     assert bench.link.sent.pop() == (2, OTHER)
     assert bench.line.counters.too_late == 3
     bench.wait(100)
-    assert bench.line.unit_ids_status(bench.now_ns)["drives"]["2"]["timeouts_in_a_row"] == 2
+    assert bench.line.unit_ids_status(bench.now_ns).drives["2"].timeouts_in_a_row == 2
     bench.port.replies.clear()
     spend(bench)  # in the next silence
 
@@ -392,10 +392,10 @@ def test_w7_nor_any_shorter_than_its_controller_waits() -> None:
 
 def test_w6_nothing_is_learned_of_the_drive() -> None:
     bench = silent()
-    before = bench.line.unit_ids_status(bench.now_ns)["drives"]["2"]
+    before = bench.line.unit_ids_status(bench.now_ns).drives["2"]
     spend(bench)
-    assert bench.line.unit_ids_status(bench.now_ns)["drives"]["2"] == before
-    assert before["timeouts_in_a_row"] == 1
+    assert bench.line.unit_ids_status(bench.now_ns).drives["2"] == before
+    assert before.timeouts_in_a_row == 1
     assert bench.line.counters.timeouts == 1
     assert bench.kinds() == ["line-up", "drive-silent"]
 

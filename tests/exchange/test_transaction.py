@@ -5,6 +5,7 @@ from typing import Final
 
 import pytest
 
+from gateway.catalogue import exchange_events
 from gateway.compiled import is_compiled
 from gateway.exchange.added_frames import read_word
 from gateway.exchange.axis import impossible
@@ -12,7 +13,7 @@ from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.impossible import ImpossibleEventError
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.transaction import (
     NEVER_NS,
@@ -274,7 +275,7 @@ def test_what_may_not_leave_does_not_leave_in_production_and_is_told(phase: Phas
     assert not line.send(transaction, step)
     assert (line.left(), transaction.phase) == (begun, phase)
     [event] = line.events
-    assert (event.kind, event.axis) == (EventKind.INTERNAL_FAULT, None)
+    assert (event.kind, event.axis) == (exchange_events.INTERNAL_FAULT, None)
     assert event.detail == f"transaction: {step.value} cannot be in {phase.value}"
     assert line.counters.internal_faults == 1
 
@@ -301,7 +302,7 @@ def test_what_ends_in_a_way_that_cannot_be_ends_once_and_is_told(phase: Phase, o
     assert transaction.phase is Phase.ENDED
     faults = 1 + (outcome not in PHASE_AFTER[phase])
     assert line.counters.internal_faults == faults
-    assert [each.kind for each in line.events] == [EventKind.INTERNAL_FAULT] * faults
+    assert [each.kind for each in line.events] == [exchange_events.INTERNAL_FAULT] * faults
 
 
 @pytest.mark.usefixtures("in_production")

@@ -48,7 +48,7 @@ def move(bench: Bench, port: Port, counts: float) -> None:
 
 
 def writer(bench: Bench, number: int = 0) -> str | None:
-    found = axis_status(bench.line.axes[number], bench.now_ns)["writer"]
+    found = axis_status(bench.line.axes[number], bench.now_ns).writer
     assert found is None or isinstance(found, str)
     return found
 
@@ -78,7 +78,7 @@ def test_w10_another_controller_moves_nothing_of_an_axis_that_is_held(pdu: bytes
     assert (len(bench.seen), bench.drive.moves) == (seen, moves)
     assert writer(bench) == "cnc (10.0.0.1)"
     assert bench.line.counters.refused_by == {"panel": 1}
-    [event] = [event for event in bench.events if event.kind.value == "second-writer"]
+    [event] = [event for event in bench.events if event.kind.name == "second-writer"]
     assert (event.axis, event.detail) == (
         "x",
         "panel (10.0.0.2) was refused: cnc (10.0.0.1) moves it",
@@ -347,7 +347,7 @@ def test_w10_a_second_writer_is_told_of_once_a_minute() -> None:
         move(bench, cnc, 1_000)
         assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
         bench.now_ns += 999 * MS  # the move took one
-    details = [event.detail for event in bench.events if event.kind.value == "second-writer"]
+    details = [event.detail for event in bench.events if event.kind.name == "second-writer"]
     assert details == [
         "panel was refused: cnc moves it",
         "panel was refused: cnc moves it, 60 times since the last note",

@@ -36,6 +36,7 @@ from gateway.supervisor.http.login import Access, Sessions, Tokens
 from gateway.supervisor.http.refusals import Refusals
 from gateway.supervisor.outcome import Outcome
 from tests.exchange.line_bench import LOST_MOTION
+from tests.status_models import model_of
 from tests.supervisor.http.doors import TOKEN, WRONG, write_token
 from tests.supervisor.http.http_bench import AXIS, keep_table, model, snapshot
 
@@ -61,7 +62,7 @@ class Site:
         feeds = Feeds()
         digest = keep_table(folder, LOST_MOTION)
         table: dict[str, object] = AXIS["table"]  # type: ignore[assignment]
-        feeds.publish(model(snapshot(axis={"table": {**table, "compiled": digest, "points": 2}})))
+        feeds.publish(model_of(model(snapshot(axis={"table": {**table, "compiled": digest, "points": 2}}))))
         settings = AxisSettings(Units.MM, 1000.0)
         window = Window(feeds, folder, lambda axis: settings if axis == "x" else None, self.reload, self.say)
         self.served = served = Served(window)

@@ -27,6 +27,7 @@ from gateway.ipc.messages import (
 )
 from gateway.ipc.sealed_memory import NotSealedError, map_sealed, seal
 from gateway.ipc.server import ControlServer
+from gateway.status.model import RelayModel
 
 PATIENCE_S = 20.0
 TABLE = TableFor("x", "x.tab", "centroid-3", "0" * 64)
@@ -43,7 +44,7 @@ class Counter:
     def answer(self, request: Request) -> Reply:
         self.requests.append(request)
         if isinstance(request, GetStatus):
-            return Status(status={})
+            return Status(status=RelayModel())
         return Pong(name="", gateway_version="", pid=1) if isinstance(request, Ping) else Done()
 
     async def hand_over(self, request: SetTable, descriptors: Sequence[int]) -> Reply:

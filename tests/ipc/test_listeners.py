@@ -26,30 +26,44 @@ from gateway.ipc.messages import (
 )
 from gateway.ipc.server import ControlServer
 from gateway.ipc.session import MAX_LISTENERS
+from gateway.status.model import GatewayStatus, RelayModel
 
 PATIENCE_S = 20.0
 SLOW = Subscribe(interval_s=60.0)
 """One snapshot at once, and none after it while a test lasts."""
 
 
-class Model:
+def numbered(number: int, ballast: str = "") -> RelayModel:
+    """A status that can be told from others."""
+    return RelayModel(gateway=GatewayStatus(name=str(number), version=ballast))
+
+
+def number_of(message: Snapshot) -> int:
+    return int(message.status.gateway.name)
+
+
+class Counting:
     """A status that counts how often it was asked for."""
 
     def __init__(self) -> None:
         self.asked = 0
         self.ballast = ""
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> RelayModel:
         self.asked += 1
-        return {"number": self.asked, "ballast": self.ballast}
+        return numbered(self.asked, self.ballast)
 
 
 def pong(request: Request) -> Reply:
-    return Status(status={}) if isinstance(request, GetStatus) else Pong(name="", gateway_version="", pid=1)
+    return (
+        Status(status=RelayModel())
+        if isinstance(request, GetStatus)
+        else Pong(name="", gateway_version="", pid=1)
+    )
 
 
 @contextlib.asynccontextmanager
-async def serving(state: Path, model: Model, idle_s: float = 30.0) -> AsyncIterator[ControlServer]:
+async def serving(state: Path, model: Counting, idle_s: float = 30.0) -> AsyncIterator[ControlServer]:
     server = ControlServer(state, Desk(pong, status=model.status), idle_s)
     await server.open()
     try:
@@ -89,9 +103,9 @@ def happened(number: int) -> Happened:
 
 
 async def test_snapshots_come_by_themselves_and_events_as_they_happen(tmp_path: Path) -> None:
-    async with serving(tmp_path, Model()) as server, listening(server, Subscribe(interval_s=0.05)) as ear:
-        assert await ear.next() == Snapshot(status={"number": 1, "ballast": ""})
-        assert await ear.next() == Snapshot(status={"number": 2, "ballast": ""})
+    async with serving(tmp_path, Counting()) as server, listening(server, Subscribe(interval_s=0.05)) as ear:
+        assert await ear.next() == Snapshot(status=numbered(1))
+        assert await ear.next() == Snapshot(status=numbered(2))
         server.tell(happened(7))
         while not isinstance(message := await ear.next(), Happened):
             assert isinstance(message, Snapshot)
@@ -100,9 +114,9 @@ async def test_snapshots_come_by_themselves_and_events_as_they_happen(tmp_path: 
 
 async def test_a_listener_may_ask_too_and_may_be_silent_for_long(tmp_path: Path) -> None:
     interval = Subscribe(interval_s=0.05)
-    async with serving(tmp_path, Model(), idle_s=0.1) as server, listening(server, interval) as ear:
+    async with serving(tmp_path, Counting(), idle_s=0.1) as server, listening(server, interval) as ear:
         # Four snapshots are 0.15 s: longer than a client that only asks may be silent.
-        numbers = [message.status["number"] async for message in _snapshots(ear, 4)]
+        numbers = [number_of(message) async for message in _snapshots(ear, 4)]
         assert numbers == [1, 2, 3, 4]
         ear.writer.write(encode(Ping()))
         while not isinstance(message := await ear.next(), Pong):
@@ -119,8 +133,8 @@ async def serving_between_frames(state: Path, leaving: list[bool]) -> AsyncItera
     def answer(request: Request) -> Reply:
         return Status(status=status()) if isinstance(request, GetStatus) else pong(request)
 
-    def status() -> dict[str, Any]:
-        return {"asked_before": len(leaving)}
+    def status() -> RelayModel:
+        return numbered(len(leaving))
 
     desk = Desk(answer, status=status, has_to_wait=is_leaving)
     server = ControlServer(state, desk)
@@ -134,7 +148,7 @@ async def serving_between_frames(state: Path, leaving: list[bool]) -> AsyncItera
 async def test_a_snapshot_waits_until_no_frame_is_leaving(tmp_path: Path) -> None:
     leaving = [True, True, True, False]
     async with serving_between_frames(tmp_path, leaving) as server, listening(server) as ear:
-        assert await ear.next() == Snapshot(status={"asked_before": 1})
+        assert await ear.next() == Snapshot(status=numbered(1))
     assert leaving == [False]
 
 
@@ -143,9 +157,9 @@ async def test_a_status_waits_until_no_frame_is_leaving_and_what_is_asked_behind
 ) -> None:
     leaving = [False, True, True, True, False]
     async with serving_between_frames(tmp_path, leaving) as server, listening(server) as ear:
-        assert await ear.next() == Snapshot(status={"asked_before": 4})  # at once
+        assert await ear.next() == Snapshot(status=numbered(4))  # at once
         ear.writer.write(encode(GetStatus()) + encode(Ping()))
-        assert await ear.next() == Status(status={"asked_before": 1})
+        assert await ear.next() == Status(status=numbered(1))
         assert isinstance(await ear.next(), Pong)
 
 
@@ -160,21 +174,21 @@ async def test_a_status_comes_where_a_frame_is_always_leaving(tmp_path: Path) ->
 
 
 async def test_to_subscribe_again_changes_the_interval(tmp_path: Path) -> None:
-    async with serving(tmp_path, Model()) as server, listening(server, SLOW) as ear:
-        assert await ear.next() == Snapshot(status={"number": 1, "ballast": ""})
+    async with serving(tmp_path, Counting()) as server, listening(server, SLOW) as ear:
+        assert await ear.next() == Snapshot(status=numbered(1))
         ear.writer.write(encode(Subscribe(interval_s=0.05)))
         assert await ear.next() == Subscribed(interval_s=0.05)
         # The second snapshot would have come after a minute, longer than a test waits.
-        assert [message.status["number"] async for message in _snapshots(ear, 3)] == [2, 3, 4]
+        assert [number_of(message) async for message in _snapshots(ear, 3)] == [2, 3, 4]
 
 
 async def test_what_happens_brings_the_next_snapshot_forward(tmp_path: Path) -> None:
-    async with serving(tmp_path, Model()) as server, listening(server, SLOW) as ear:
-        assert await ear.next() == Snapshot(status={"number": 1, "ballast": ""})
+    async with serving(tmp_path, Counting()) as server, listening(server, SLOW) as ear:
+        assert await ear.next() == Snapshot(status=numbered(1))
         for number in (7, 8):
             server.tell(happened(number))
         assert [await ear.next(), await ear.next()] == [happened(7), happened(8)]
-        assert await ear.next() == Snapshot(status={"number": 2, "ballast": ""})  # one for both
+        assert await ear.next() == Snapshot(status=numbered(2))  # one for both
 
 
 async def _snapshots(ear: Ear, count: int) -> AsyncIterator[Snapshot]:
@@ -189,7 +203,7 @@ async def test_a_listener_that_does_not_read_keeps_the_newest_and_knows_how_many
 ) -> None:
     """Every event is received or counted as dropped, whatever the buffers of the system take."""
     total = 20_000
-    async with serving(tmp_path, Model()) as server:
+    async with serving(tmp_path, Counting()) as server:
         with socket.socket(socket.AF_UNIX) as deaf:
             deaf.connect(str(server.path))
             deaf.sendall(encode(SLOW))
@@ -222,7 +236,7 @@ def _read_all(connection: socket.socket, last: int) -> list[Reply]:
 
 
 async def test_snapshots_that_nobody_takes_are_not_even_made(tmp_path: Path) -> None:
-    model = Model()
+    model = Counting()
     model.ballast = "x" * 1_000_000  # more than the system takes at once
     async with serving(tmp_path, model) as server:
         with socket.socket(socket.AF_UNIX) as deaf:
@@ -231,7 +245,7 @@ async def test_snapshots_that_nobody_takes_are_not_even_made(tmp_path: Path) -> 
             async with listening(server, Subscribe(interval_s=0.05)) as ear:
                 while True:  # somebody who does listen is told all the same
                     message = await ear.next()
-                    if isinstance(message, Snapshot) and message.status["number"] > 5:
+                    if isinstance(message, Snapshot) and number_of(message) > 5:
                         break
             session = max(server._clients.sessions, key=lambda each: each._outbox.waiting_bytes)
             assert session.listener is not None
@@ -245,13 +259,13 @@ async def test_snapshots_that_nobody_takes_are_not_even_made(tmp_path: Path) -> 
     _, first, second = (decode_reply(line) for line in data.splitlines()[:3])
     assert isinstance(first, Snapshot)
     assert isinstance(second, Snapshot)
-    assert first.status["number"] <= 2
-    assert second.status["number"] > asked
+    assert number_of(first) <= 2
+    assert number_of(second) > asked
     assert second.dropped >= missed
 
 
 async def test_listeners_leave_room_for_commands(tmp_path: Path) -> None:
-    async with serving(tmp_path, Model()) as server, contextlib.AsyncExitStack() as stack:
+    async with serving(tmp_path, Counting()) as server, contextlib.AsyncExitStack() as stack:
         for _ in range(MAX_LISTENERS):
             await stack.enter_async_context(listening(server))
         reader, writer = await asyncio.open_unix_connection(str(server.path))
@@ -262,7 +276,7 @@ async def test_listeners_leave_room_for_commands(tmp_path: Path) -> None:
 
 
 async def test_a_listener_that_goes_away_is_forgotten(tmp_path: Path) -> None:
-    async with serving(tmp_path, Model()) as server:
+    async with serving(tmp_path, Counting()) as server:
         async with listening(server, Subscribe(interval_s=0.05)):
             assert server.has_listeners
         await _until(lambda: not server.clients)
@@ -276,7 +290,7 @@ async def _until(condition: Any) -> None:
 
 
 async def test_a_listener_that_talks_nonsense_and_takes_nothing_is_dropped(tmp_path: Path) -> None:
-    async with serving(tmp_path, Model(), idle_s=0.1) as server:
+    async with serving(tmp_path, Counting(), idle_s=0.1) as server:
         with socket.socket(socket.AF_UNIX) as deaf:
             deaf.connect(str(server.path))
             deaf.sendall(encode(SLOW))

@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Any, Self
 
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, socket_path
-from gateway.simulator.axis import DEFAULT_REGISTERS, SimulatedAxis
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import scaled_clock
-from gateway.simulator.drive import SimulatedDrive
+from gateway.simulator.drive import DEFAULT_REGISTERS, SimulatedAxis, SimulatedDrive
 from gateway.simulator.drives.catalogue import DRIVES
-from gateway.simulator.drives.motor import Motor
+from gateway.simulator.drives.motor_drive import Motor
 from gateway.simulator.endpoints import TcpDriveServer
-from gateway.simulator.laser import Laser
+from gateway.simulator.gauge import Laser
 from gateway.simulator.mechanics import Encoder, Mechanics
 from gateway.simulator.motion import Dynamics
 from gateway.simulator.screw import PeriodicError, Screw

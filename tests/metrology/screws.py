@@ -24,14 +24,14 @@ import numpy as np
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
+from gateway.metrology.build import Fit, Shape
+from gateway.metrology.cycle import random_targets
 from gateway.metrology.drift import drift_of, without_drift
 from gateway.metrology.evaluation import evaluate
 from gateway.metrology.lead import Period, periods_of
-from gateway.metrology.program import random_targets
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Built, Recipe, build_from
 from gateway.metrology.scale import scale_of
-from gateway.metrology.shapes import Fit, Shape
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD
 PLACES: Final = 8001

@@ -7,8 +7,7 @@ from gateway.compensation.units import Units
 from gateway.metrology.drift import at_20_degrees
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.formats import ReadingsContext, Runs, parse_survey
-from gateway.metrology.readings import Survey, mean_corrections
-from gateway.metrology.understood import understood
+from gateway.metrology.readings import Survey, mean_corrections, understood
 from gateway.tabfile import TabFileError
 from tests.metrology.samples import POS, POS_MEANS
 

@@ -5,8 +5,8 @@ from gateway.compensation.errors import TableError
 from gateway.compensation.units import Units
 from gateway.metrology.build import HomeCase, HomeReference, build_table, referenced
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import Reading
+from gateway.metrology.tables import correction_at
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD
 

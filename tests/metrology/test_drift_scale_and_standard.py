@@ -7,15 +7,13 @@ import pytest
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
-from gateway.metrology.deviation import small_unit
+from gateway.metrology.doubts import json_of, notes_of
 from gateway.metrology.drift import at_20_degrees, drift_line, drift_of, without_drift
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.evaluation import evaluate
+from gateway.metrology.evaluation import evaluate, missing_line, missing_of, title_of
 from gateway.metrology.formats import parse_survey
-from gateway.metrology.readings import Reading, Survey, merged
+from gateway.metrology.readings import Reading, Survey, merged, small_unit
 from gateway.metrology.scale import ScaleError, check_scale, scale_of
-from gateway.metrology.standard_asks import missing_line, missing_of, title_of
-from gateway.metrology.whole import json_of, notes_of
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD
 TARGETS = [0.0, 97.0, 203.0, 301.0, 400.0]

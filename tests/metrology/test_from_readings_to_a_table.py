@@ -14,12 +14,11 @@ from gateway.metrology.build import HomeCase, HomeReference, build_table
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import evaluate
 from gateway.metrology.formats import parse_survey
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.refine import Points, refine_table
-from gateway.metrology.resample import loss
 from gateway.metrology.residue import predicted_residue
+from gateway.metrology.tables import correction_at, loss
 from gateway.tabfile import WriteOptions, dialect_named
 from tests.metrology.samples import TB058_MANUAL, TB058_SIMULATED
 

@@ -9,11 +9,10 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.lookup import correction_at
 from gateway.metrology.outliers import find_outliers, without_outliers
 from gateway.metrology.readings import Reading, Survey
-from gateway.metrology.resample import fewest_points, loss, on_grid
-from gateway.metrology.smooth import smoothed
+from gateway.metrology.resample import fewest_points, on_grid, smoothed
+from gateway.metrology.tables import correction_at, loss
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD
 UM = 1e-3

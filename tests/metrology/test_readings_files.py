@@ -6,8 +6,7 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.formats import ReadingsContext, Runs, parse_survey
-from gateway.metrology.readings import Reading, Survey, merged
-from gateway.metrology.understood import understood
+from gateway.metrology.readings import Reading, Survey, merged, understood
 from gateway.tabfile import TabFileError
 from tests.metrology.samples import RTL, TB058_MANUAL, TB058_SIMULATED
 

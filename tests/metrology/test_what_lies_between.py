@@ -10,7 +10,8 @@ import pytest
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.metrology.build import HomeCase
+from gateway.metrology.build import Fit, HomeCase, Shape
+from gateway.metrology.cycle import random_targets
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import (
     Period,
@@ -23,11 +24,9 @@ from gateway.metrology.lead import (
     unseen,
 )
 from gateway.metrology.process import ANALYTIC, Kind, Samples, fitted
-from gateway.metrology.program import random_targets
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.screw import screw_of
-from gateway.metrology.shapes import Fit, Shape
 from gateway.tabfile import WriteOptions, dialect_named
 from tests.metrology import screws
 

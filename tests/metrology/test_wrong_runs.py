@@ -8,12 +8,12 @@ import pytest
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
+from gateway.metrology.build import Fit
+from gateway.metrology.doubts import notes_of
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Recipe, build_from
-from gateway.metrology.shapes import Fit
-from gateway.metrology.whole import notes_of
 from gateway.metrology.wrong_runs import wrong_runs
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD

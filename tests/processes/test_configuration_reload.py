@@ -9,12 +9,13 @@ from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
 from tests.commands import typed
 from tests.processes.bench import SECONDS, Master, Site, gateway_of
+from tests.status_models import plain
 
 
 def axis_status(site: Site) -> dict[str, Any]:
     status = ask(site.socket, GetStatus())
     assert isinstance(status, Status)
-    axis: dict[str, Any] = status.status["axes"]["x"]
+    axis: dict[str, Any] = plain(status.status.axes["x"])
     return axis
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from gateway.catalogue.counters import COUNTERS
+from gateway.status.model import COUNTERS
 from tests.browser import started_browser
 from tests.processes.bench import children
 from tests.processes.sick_line import GARBAGE, Client, Health, SickLine, kinds

@@ -89,7 +89,7 @@ def unread(command: str, site: Site, *options: str) -> Iterator[Unread]:
 def is_line_up(site: Site) -> bool:
     reply = ask(site.socket, GetStatus())
     assert isinstance(reply, Status)
-    return bool(reply.status["lines"]["xyz"]["state"] == "up")
+    return bool(reply.status.lines["xyz"].state == "up")
 
 
 def move(master: Master, number: int) -> None:

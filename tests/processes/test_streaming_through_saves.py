@@ -185,6 +185,6 @@ async def test_fifty_saves_of_each_kind_cost_the_drive_no_step_and_the_controlle
         offsets = [drive - own for own, drive in zip(nominal, told, strict=False) if own == MIDDLE_COUNTS]
         # More than the two branches of one table: several came into force while it streamed.
         assert max(offsets) - min(offsets) > BACKLASH_MM * COUNTS_PER_MM + 2
-        in_force = status.status["axes"][axis]["table"]["sha256"]
+        in_force = status.status.axes[axis].table.sha256
         last_good = table(axis, AMPLITUDES_MM[SAVES - 2])
         assert in_force == hashlib.sha256(last_good.encode()).hexdigest()

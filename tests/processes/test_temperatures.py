@@ -13,6 +13,7 @@ from gateway.ipc.client import ask
 from gateway.ipc.messages import Done, GetStatus, Status
 from tests.mosquitto import broker_in, watching
 from tests.processes.bench import Site, children, gateway_of
+from tests.status_models import plain
 
 WARM = "thermal = {{ alpha = 1e-4, source = {source}, timeout_s = 60, rate_per_min = 60.0 }}\nregisters"
 """Ten kelvins are 1 µm/mm: as much as the table adds."""
@@ -26,7 +27,7 @@ def warm_site(site: Site, source: str, more: str = "") -> None:
 def terms(site: Site) -> dict[str, Any]:
     reply = ask(site.socket, GetStatus())
     assert isinstance(reply, Status)
-    found: dict[str, Any] = reply.status["axes"]["x"]["terms"]
+    found: dict[str, Any] = plain(reply.status.axes["x"].terms)
     return found
 
 

@@ -11,7 +11,6 @@ from typing import Any, Final
 
 from typer.main import get_command
 
-from gateway.catalogue.counters import COUNTERS
 from gateway.catalogue.entry import entries_of
 from gateway.catalogue.events import GROUPS
 from gateway.catalogue.exceptions import EXCEPTIONS
@@ -25,6 +24,7 @@ from gateway.cli.app import app
 from gateway.config.reference import TABLES, rows
 from gateway.drives.library import names
 from gateway.relay.status_unit import BLOCKS
+from gateway.status.model import COUNTERS
 from gateway.tabfile import DIALECTS
 
 FILE: Final = Path(__file__).with_name("promises.txt")

@@ -30,6 +30,7 @@ from gateway.transport.loop import RelayLoop
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpConnector, TcpListener
+from tests.status_models import plain
 
 PATIENCE_S = 30.0
 LOOPBACK = TcpEndpoint("127.0.0.1", 0)
@@ -207,8 +208,7 @@ async def eventually(condition: Callable[[], bool]) -> None:
 
 
 def line_status(relay: Relay) -> dict[str, object]:
-    status = relay.status()["lines"]["line"]
-    assert isinstance(status, dict)
+    status: dict[str, object] = plain(relay.status().lines["line"])
     return status
 
 

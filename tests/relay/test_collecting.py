@@ -42,7 +42,7 @@ class Desk:
 
     def counts(self) -> tuple[object, ...]:
         status = self.collecting.status()
-        return status["collections"], status["full"], status["forced"]
+        return status.collections, status.full, status.forced
 
 
 @pytest.fixture
@@ -74,10 +74,10 @@ async def test_nothing_is_collected_while_an_exchange_runs(desk: Desk) -> None:
     assert desk.counts() == (1, 0, 0)
     assert seen() is None
     status = desk.collecting.status()
-    assert isinstance(status["collected"], int)
-    assert status["collected"] >= 1000
-    assert isinstance(status["longest_us"], int)
-    assert status["longest_us"] > 0
+    assert isinstance(status.collected, int)
+    assert status.collected >= 1000
+    assert isinstance(status.longest_us, int)
+    assert status.longest_us > 0
 
 
 async def test_two_collections_are_two_seconds_apart(desk: Desk) -> None:

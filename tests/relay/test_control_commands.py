@@ -79,8 +79,8 @@ async def test_the_relay_says_who_it_is_and_how_it_is(bench: "Bench", tools: "To
     assert pong.name == "bench"
     reply = await asyncio.to_thread(ask, relay.control_socket, GetStatus())
     assert isinstance(reply, Status)
-    assert reply.status["lines"]["line"]["state"] == "up"
-    assert reply.status["axes"]["x"]["units"] == "mm"
+    assert reply.status.lines["line"].state == "up"
+    assert reply.status.axes["x"].units == "mm"
 
 
 async def test_an_axis_that_is_not_there_is_named_and_the_others_are_commanded(

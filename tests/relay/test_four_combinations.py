@@ -145,8 +145,7 @@ async def test_shadow_writes_the_original_and_shows_the_correction(bench: "Bench
             await mover.write_registers(COMMAND, words(50_000), device_id=1)
             reply = await mover.read_holding_registers(ACTUAL, count=2, device_id=1)
             assert reply.registers == words(50_000)
-        axis = relay.status()["axes"]["x"]
-        assert isinstance(axis, dict)
-        assert axis["compensation"] == "shadow"
-        assert axis["correction"] == pytest.approx(0.05)
+        axis = relay.status().axes["x"]
+        assert axis.compensation == "shadow"
+        assert axis.correction == pytest.approx(0.05)
     assert drive.written == [words(50_000)]

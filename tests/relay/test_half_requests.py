@@ -81,7 +81,7 @@ class Connection:
         self.port.received(data, START_NS + int(after_ms * MS))
 
     def withdrawn(self) -> list[str]:
-        return [event.detail for event in self.events if event.kind.name == "WITHDRAWN"]
+        return [event.detail for event in self.events if event.kind.name == "withdrawn"]
 
 
 @pytest.fixture

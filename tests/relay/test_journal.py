@@ -6,9 +6,10 @@ import sys
 
 import pytest
 
+from gateway.catalogue import exchange_events
 from gateway.catalogue.entry import Severity
 from gateway.catalogue.process_events import STATUS
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.ipc.log_thread import CAPACITY, LogThread
 from gateway.ipc.notes import LogFormat, Note, note_writer
 from gateway.relay.journal import Journal
@@ -29,7 +30,7 @@ def test_an_event_of_the_exchange_is_a_note_at_once() -> None:
     told: list[Note] = []
     journal = Journal(written.append)
     journal.on_note = told.append
-    journal.exchange_event("xyz", Event(EventKind.WITHDRAWN, "x", "too late"))
+    journal.exchange_event("xyz", Event(exchange_events.WITHDRAWN, "x", "too late"))
     [note] = written
     assert (note.event, note.severity) == ("withdrawn", Severity.WARNING)
     assert note.fields == {"line": "xyz", "axis": "x", "detail": "too late"}
@@ -40,8 +41,8 @@ def test_an_event_of_the_exchange_is_a_note_at_once() -> None:
 def test_good_news_is_no_warning() -> None:
     written: list[Note] = []
     journal = Journal(written.append)
-    journal.exchange_event("xyz", Event(EventKind.BUDGET_OVERRUN, "x", "1200 µs"))
-    journal.exchange_event("xyz", Event(EventKind.BUDGET_KEPT, "x", "100 exchanges"))
+    journal.exchange_event("xyz", Event(exchange_events.BUDGET_OVERRUN, "x", "1200 µs"))
+    journal.exchange_event("xyz", Event(exchange_events.BUDGET_KEPT, "x", "100 exchanges"))
     assert [(note.event, note.severity) for note in written] == [
         ("budget-overrun", Severity.WARNING),
         ("budget-kept", Severity.INFO),

@@ -92,7 +92,7 @@ async def test_w6_a_drive_that_answers_with_id_0_is_refused_and_named(tools: "To
     assert str(drives.link.other_ids[1]) == "answers, with transaction id 0 (asked with 3)"
     assert (drives.link.other_ids[1].total, drives.link.other_ids[1].among(3)) == (3, 3)
     assert drives.link.counters()["late_replies"] == 0  # no longer patience helps
-    said = [(event.kind.value, event.detail) for event in drives.events if "unit id" in event.detail]
+    said = [(event.kind.name, event.detail) for event in drives.events if "unit id" in event.detail]
     assert said == [
         ("drive-silent", "unit id 1 answers, with transaction id 0 (asked with 1)"),
         ("drive-backed-off", "unit id 1 answers, with transaction id 0 (asked with 3)"),

@@ -17,7 +17,9 @@ from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Ping, Pong, Status
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.collecting import BUSY_CHECK_S, CHECK_EVERY_S
+from gateway.status.line import LatencySettings
 from tests.ports import free_port
+from tests.status_models import plain
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools
@@ -97,8 +99,8 @@ async def test_log_and_status_say_what_the_kernel_says(tmp_path: Path) -> None:
         )
         status = await asyncio.to_thread(ask, tmp_path / "state" / "relay.sock", GetStatus())
         assert isinstance(status, Status)
-        assert status.status["gateway"]["scheduling"] == truth
-        assert sorted(status.status["gateway"]["garbage"]) == [
+        assert plain(status.status.gateway.scheduling) == truth
+        assert sorted(plain(status.status.gateway.garbage)) == [
             "collected",
             "collections",
             "forced",
@@ -151,28 +153,20 @@ async def test_a_relay_without_wishes_says_nothing_of_scheduling(bench: "Bench",
     relay = await bench.relay(where, (link,))
     relay.take_process()
     assert not [note for note in bench.notes if note.event.startswith("scheduling")]
-    gateway = relay.status()["gateway"]
-    assert gateway["scheduling"] == kernel_says(os.getpid())
+    assert plain(relay.status().gateway.scheduling) == kernel_says(os.getpid())
 
 
 async def test_the_port_of_a_controller_shows_its_latency_settings(bench: "Bench") -> None:
     _, where = await bench.drive("tcp")
     link, _ = bench.controller_link("rtu")
     relay = await bench.relay(where, (link,))
-    line: Any = relay.status()["lines"]["line"]
-    [controller] = line["controllers"]
-    assert controller["latency"] == {
-        "ftdi_latency_timer_ms": None,
-        "async_low_latency": None,
-        "rx_trig_bytes": None,
-        "rs485": None,
-    }
+    [controller] = relay.status().lines["line"].controllers
+    assert controller.latency == LatencySettings()
 
 
 async def test_the_port_of_the_drives_shows_its_latency_settings(bench: "Bench") -> None:
-    settings = ("ftdi_latency_timer_ms", "async_low_latency", "rx_trig_bytes", "rs485")
     link, _ = bench.controller_link("tcp")
-    for kind, shown in (("rtu", dict.fromkeys(settings)), ("tcp", None)):
+    for kind, shown in (("rtu", LatencySettings()), ("tcp", None)):
         _, where = await bench.drive(kind)
-        line: Any = (await bench.relay(where, (link,))).status()["lines"]["line"]
-        assert line["drives"]["latency"] == shown
+        line = (await bench.relay(where, (link,))).status().lines["line"]
+        assert line.drives.latency == shown

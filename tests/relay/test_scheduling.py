@@ -24,6 +24,8 @@ CHILD = """
 import json, os, re, resource, sys, threading
 from pathlib import Path
 from gateway.state.plan import RelayOptions
+from msgspec import to_builtins
+
 from gateway.relay.scheduling import in_force, schedule
 
 asked = json.loads(sys.argv[1])
@@ -44,7 +46,7 @@ resident = lambda: int(re.search(r"VmRSS:\\s+(\\d+)", Path("/proc/self/status").
 resident_before = resident()
 options = RelayOptions(asked.get("fifo", 0), tuple(asked.get("cpus", ())), asked.get("lock_memory", False))
 refused = schedule(options, withdrawn.append)
-first = in_force().status()
+first = to_builtins(in_force())
 added_kib = resident() - resident_before
 done.set()
 policy, priority = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority

@@ -2,7 +2,7 @@
 
 import asyncio
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from gateway.catalogue.entry import EventEntry, Severity
 from gateway.compensation.settings import ThermalSettings
@@ -13,6 +13,7 @@ from gateway.ipc.messages import Reply, Request
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from gateway.supervisor.temperatures import Temperatures
+from tests.status_models import plain
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools
@@ -76,8 +77,7 @@ async def test_a_sensor_beside_the_drives_is_heard_and_the_axis_follows(
     temperatures.follow(Sections(axes={"x": AxisSection.model_validate(raw)}))
 
     def celsius() -> object:
-        axis = cast(dict[str, dict[str, dict[str, object]]], relay.status()["axes"]["x"])
-        return axis["terms"]["thermal"]["celsius"]
+        return plain(relay.status().axes["x"])["terms"]["thermal"]["celsius"]
 
     try:
         await tools.eventually(lambda: celsius() == 30.0)

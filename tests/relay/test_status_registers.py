@@ -182,7 +182,7 @@ def test_nothing_that_is_asked_there_reaches_a_drive(tcp_drive: bool) -> None:
     assert bench.link.sent == []
     answers = [(unit_id, pdu.hex()) for _, unit_id, pdu in bench.port.replies]
     assert answers == [(OWN, reply) for reply in ("03020001", "9001", "8501", "e501", "8303")]
-    assert bench.line.unit_ids["heard"] == []
+    assert bench.line.unit_ids.heard == []
 
 
 def test_it_is_answered_while_a_drive_is_asked_and_while_the_line_is_down() -> None:

@@ -15,6 +15,7 @@ from gateway.recording.replay import Replay
 from gateway.recording.writer import Recorder
 from gateway.state.tables import compiled, digest_of
 from tests.relay.handover_site import STEEPER, machine, table_of, without_actual
+from tests.status_models import plain
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools
@@ -33,9 +34,9 @@ async def test_a_table_is_in_force_with_the_next_different_target(
     assert await mill.move(50_000) == 50_100
     reply = await asyncio.to_thread(ask, mill.socket, GetStatus())
     assert isinstance(reply, Status)
-    table = reply.status["axes"]["x"]["table"]
-    assert table["compiled"] == digest_of(compiled(STEEPER))
-    assert (table["file"], table["sha256"], table["points"]) == ("new.tab", "f" * 64, 2)
+    table = reply.status.axes["x"].table
+    assert table.compiled == digest_of(compiled(STEEPER))
+    assert (table.file, table.sha256, table.points) == ("new.tab", "f" * 64, 2)
     await tools.eventually(lambda: "table-activated" in [note.event for note in bench.notes])
     [note] = [note for note in bench.notes if note.event == "table-activated"]
     assert (note.fields["axis"], note.fields["comes"], note.fields["points"]) == ("x", "next-target", 2)
@@ -79,7 +80,7 @@ async def test_a_table_that_goes_takes_its_correction_along(
     assert await mill.say(ClearTable(axes=("x",))) == Done(changed=("x",), comes={"x": "next-target"})
     assert await mill.move(50_000) == 50_050
     assert await mill.move(60_000) == 60_000
-    assert mill.relay.status()["axes"]["x"]["compensation"] == "no-table"  # type: ignore[index]
+    assert mill.relay.status().axes["x"].compensation == "no-table"
     [note] = [note for note in bench.notes if note.event == "table-removed"]
     assert note.fields["detail"] == "its file is gone, or the configuration names none"
     assert await mill.say(ClearTable(axes=("x",))) == Done()  # nothing to take away
@@ -107,7 +108,7 @@ async def test_other_limits_hold_from_now_on(bench: "Bench", tools: "Tools", tmp
     assert await mill.say(wider) == Done(changed=("x",))
     assert (await mill.give(too_much)).changed == ("x",)
     assert await mill.say(wider) == Done()  # nothing changes
-    assert mill.relay.status()["axes"]["x"]["latency"]["budget_us"] == 300.0  # type: ignore[index]
+    assert mill.relay.status().axes["x"].latency.budget_us == 300.0
 
 
 async def test_a_table_for_an_axis_that_is_off_waits(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
@@ -153,7 +154,7 @@ async def test_a_command_gives_a_group_its_gain_and_the_configuration_each_axis_
     await mill.move(50_000, 1)  # both have gone: nothing is put off (M11)
 
     def axes() -> Any:
-        return mill.relay.status()["axes"]
+        return plain(mill.relay.status().axes)
 
     half = SetGain(axes=("y1",), forward=0.5, backward=0.5, is_configured=True)
     assert (await mill.say(half)).changed == ("y1",)

@@ -9,10 +9,10 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.metrology.lead import Period
 from gateway.metrology.readings import Reading, Survey
-from gateway.metrology.shapes import LeftOut
+from gateway.metrology.residue import LeftOut
 from gateway.report.errors import ReportError
 from gateway.report.findings import FIGURES, about_readings, find, sentence
-from gateway.report.results import results_table
+from gateway.report.html import results_table
 from tests.report.stories import story, survey
 
 

@@ -12,7 +12,7 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.metrology.evaluation import evaluate
 from gateway.metrology.readings import Survey
-from gateway.report.envelope import MOST_POINTS
+from gateway.report.drawing import MOST_POINTS
 from gateway.report.findings import find
 from gateway.report.page import sentence_lines, shown_figures
 from gateway.report.story import Report

@@ -166,7 +166,7 @@ def _hear_events(module: Any, note: Note) -> None:
                 (name, _plain(value)) for name, value in _fields(event).items() if name != "detail"
             )
             note(f"event {fields}")
-            note(f"sentence {event.kind.value}: {event.detail}")
+            note(f"sentence {event.kind.name}: {event.detail}")
             tell(event)
 
         line: LineExchange = kind(plans, timing, link, told, **more)

@@ -178,8 +178,8 @@ def test_a_serial_port_is_kept_and_what_it_heard_meanwhile_is_thrown_away(
             assert moved_on_wire(site.port, wire) == encode_rtu(1, MOVE)
             status = ask(site.socket, GetStatus())
             assert isinstance(status, Status)
-            line = status.status["lines"]["xyz"]
-            assert (line["stray_bytes"], line["dropped_bytes"], line["late"]) == (0, 0, 0)
+            line = status.status.lines["xyz"]
+            assert (line.stray_bytes, line.dropped_bytes, line.late) == (0, 0, 0)
             relay.send_signal(signal.SIGTERM)
             assert relay.wait(10) == 0
 

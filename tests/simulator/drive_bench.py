@@ -5,8 +5,7 @@ from pathlib import Path
 
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.drives.catalogue import DRIVES
-from gateway.simulator.drives.endpoint import MotorDrive
-from gateway.simulator.drives.motor import Motor
+from gateway.simulator.drives.motor_drive import Motor, MotorDrive
 from gateway.simulator.ledger import MoveKind
 from gateway.simulator.mechanics import Encoder, Mechanics
 from gateway.simulator.motion import Dynamics

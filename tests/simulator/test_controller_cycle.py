@@ -9,15 +9,13 @@ from gateway.compensation.units import Units
 from gateway.metrology.build import HomeReference, build_table
 from gateway.metrology.cycle import Stop, bidirectional_cycle
 from gateway.metrology.readings import Reading
-from gateway.simulator.axis import DEFAULT_REGISTERS, SimulatedAxis
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.controller import AxisController, AxisWiring
-from gateway.simulator.drive import SimulatedDrive
+from gateway.simulator.drive import DEFAULT_REGISTERS, SimulatedAxis, SimulatedDrive
 from gateway.simulator.endpoints import TcpDriveServer
 from gateway.simulator.errors import DriveRefusedError, MissedError
-from gateway.simulator.laser import Laser
-from gateway.simulator.mechanics import Encoder, Mechanics
-from gateway.simulator.play import Flank
+from gateway.simulator.gauge import Laser
+from gateway.simulator.mechanics import Encoder, Flank, Mechanics
 from gateway.simulator.screw import Screw
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.master import ModbusMaster

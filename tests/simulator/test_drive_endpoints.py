@@ -14,9 +14,8 @@ from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
 from pymodbus.client.base import ModbusBaseClient
 
 from gateway.modbus.crc import append_crc, inverted_crc, residue_after
-from gateway.simulator.axis import DEFAULT_REGISTERS, SimulatedAxis
 from gateway.simulator.bus import DriveBus
-from gateway.simulator.drive import SimulatedDrive
+from gateway.simulator.drive import DEFAULT_REGISTERS, SimulatedAxis, SimulatedDrive
 from gateway.simulator.ears import Hearing
 from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
 from gateway.simulator.errors import SimulatorError

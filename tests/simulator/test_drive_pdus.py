@@ -5,14 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
-from gateway.simulator.axis import DEFAULT_REGISTERS, AxisRegisters, SimulatedAxis
 from gateway.simulator.bus import DriveBus
-from gateway.simulator.drive import SimulatedDrive
+from gateway.simulator.drive import DEFAULT_REGISTERS, AxisRegisters, SimulatedAxis, SimulatedDrive
 from gateway.simulator.errors import SimulatorError
-from gateway.simulator.image import RegisterImage
 from gateway.simulator.mechanics import Encoder, Mechanics
 from gateway.simulator.motion import Dynamics
 from gateway.simulator.screw import Screw
+from gateway.simulator.server import RegisterImage
 
 COMMAND, ACTUAL, COMMANDED, STATUS = 0x0100, 0x0200, 0x0202, 0x0204
 HOMED, DONE, MOVING, ALARM = 1, 2, 4, 8

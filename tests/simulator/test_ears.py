@@ -3,8 +3,7 @@
 import pytest
 
 from gateway.modbus.crc import append_crc, inverted_crc, is_intact, residue_after
-from gateway.simulator.ears import Ear, Hearing
-from gateway.simulator.pacing import Arrival
+from gateway.simulator.ears import Ear, Hearing, TimedByte
 
 BAUD, BITS = 1000, 10
 CHAR_NS = 10_000_000  # 10 ms a byte: t1.5 is 15 ms, t3.5 35 ms
@@ -22,7 +21,7 @@ def heard(ear: Ear, *pieces: tuple[int, bytes]) -> list[bytes]:
         at_ns += pause_ns
         for byte in piece:
             at_ns += CHAR_NS
-            frames.append(ear.hear(Arrival(at_ns, byte)))
+            frames.append(ear.hear(TimedByte(at_ns, byte)))
     frames.append(ear.take(at_ns + 1000 * MS))
     return [frame for frame in frames if frame]
 
@@ -56,7 +55,7 @@ def test_above_19200_baud_both_times_are_fixed() -> None:
     for pause_ns, frames in ((750_000, [WRITE]), (750_001, [])):
         ear = Ear(Hearing.STANDARD, 115_200)
         for index, byte in enumerate(WRITE):
-            ear.hear(Arrival(index * char_ns + (pause_ns if index >= 5 else 0), byte))
+            ear.hear(TimedByte(index * char_ns + (pause_ns if index >= 5 else 0), byte))
         last_ns = 12 * char_ns + pause_ns
         assert ear.deadline_ns == last_ns + 1_750_000 + char_ns
         assert [each for each in [ear.take(ear.deadline_ns)] if each] == frames
@@ -82,7 +81,7 @@ def test_who_merges_takes_what_is_nearer_than_10_ms_for_one() -> None:
     for hearing, frames in ((Hearing.ANY_LENGTH, [WRITE, READ]), (Hearing.MERGING, [])):
         ear = Ear(hearing, 115_200)
         got = [
-            ear.hear(Arrival(index * 95_486 + (9 * MS if index >= 13 else 0), byte))
+            ear.hear(TimedByte(index * 95_486 + (9 * MS if index >= 13 else 0), byte))
             for index, byte in enumerate(WRITE + READ)
         ]
         got.append(ear.take(1000 * MS))

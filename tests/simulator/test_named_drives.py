@@ -16,7 +16,7 @@ from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.drives.catalogue import DRIVES
-from gateway.simulator.drives.motor import HOMING_S, Basis
+from gateway.simulator.drives.motor_drive import HOMING_S, Basis
 from gateway.simulator.endpoints import TcpDriveServer
 from gateway.simulator.errors import SimulatorError
 from gateway.simulator.ledger import MoveKind, MoveRecord

@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.simulator.errors import SimulatorError
-from gateway.simulator.mechanics import Encoder, Mechanics
+from gateway.simulator.mechanics import Encoder, Flank, Mechanics, Play
 from gateway.simulator.motion import Dynamics, plan_motion, standing
-from gateway.simulator.play import Flank, Play
 from gateway.simulator.screw import PeriodicError, Screw, Wear, worn_screw
 from gateway.simulator.world import MOST_UM_PER_M
 

@@ -2,8 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gateway.simulator.ears import TimedByte
 from gateway.simulator.errors import SimulatorError
-from gateway.simulator.pacing import Adapter, Arrival, PacedWire, WireFaults
+from gateway.simulator.wire import Adapter, PacedWire, WireFaults
 
 MS = 1_000_000
 
@@ -117,8 +118,8 @@ def test_a_drive_hears_each_byte_when_its_last_bit_came() -> None:
     wire = PacedWire(1000, 10, adapter=Adapter(latency_timer_ms=16.0))
     wire.send(b"ab", 0)
     wire.send(b"c", 50 * MS)
-    assert wire.arrivals(45 * MS) == [Arrival(10 * MS, 0x61), Arrival(20 * MS, 0x62)]
-    assert wire.arrivals(60 * MS) == [Arrival(60 * MS, 0x63)]
+    assert wire.arrivals(45 * MS) == [TimedByte(10 * MS, 0x61), TimedByte(20 * MS, 0x62)]
+    assert wire.arrivals(60 * MS) == [TimedByte(60 * MS, 0x63)]
 
 
 def test_faults_are_seeded_and_counted() -> None:

@@ -14,8 +14,7 @@ from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField, PositionField, RegisterType
 from gateway.modbus.rtu import encode_rtu
 from gateway.simulator.errors import SimulatorError
-from gateway.simulator.ports import PortLinks
-from gateway.simulator.pty import FdChannel, open_serial
+from gateway.simulator.pty import FdChannel, PortLinks, open_serial
 from gateway.simulator.world import World, simulated_axis
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint

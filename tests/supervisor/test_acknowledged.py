@@ -3,6 +3,7 @@
 from datetime import UTC, datetime, timedelta
 
 from gateway.catalogue.troubles import DRIVE_SILENT, RELAY_DOWN, TABLE_REJECTED
+from gateway.status.model import AcknowledgedBy
 from gateway.supervisor.acknowledged import Acknowledged
 from gateway.supervisor.chronicle import Chronicle
 from gateway.supervisor.trouble import Trouble
@@ -11,12 +12,12 @@ NOON = datetime(2026, 5, 1, 12, tzinfo=UTC)
 SILENT = Trouble(DRIVE_SILENT, ("xyz", "1"), "axis x", "its drive has not answered for 12 s", ("x",), 12.0)
 BAD = Trouble(TABLE_REJECTED, ("xyz", "1", "x"), "axis x", "cnc10x.tab:3: no number", ("x",))
 DOWN = Trouble(RELAY_DOWN, (), "gateway", "the relay is not running", ("x",))
-BY = {"by": "shift", "at": "2026-05-01T12:00:00+00:00"}
+BY = AcknowledgedBy(by="shift", at="2026-05-01T12:00:00+00:00")
 
 
-def seen(chronicle: Chronicle, *found: Trouble, second: float) -> list[dict[str, str] | None]:
+def seen(chronicle: Chronicle, *found: Trouble, second: float) -> list[AcknowledgedBy | None]:
     chronicle.acknowledged.follow(found, second)
-    return [each["acknowledged"] for each in chronicle.stamp(found, NOON + timedelta(seconds=second))]
+    return [each.acknowledged for each in chronicle.stamp(found, NOON + timedelta(seconds=second))]
 
 
 def acknowledged_at_noon() -> Chronicle:
@@ -24,7 +25,7 @@ def acknowledged_at_noon() -> Chronicle:
     assert seen(chronicle, SILENT, BAD, second=0) == [None, None]
     done = chronicle.acknowledge("drive-silent", "axis x", "2026-05-01T11:59:48+00:00", "shift", NOON)
     assert done is not None
-    assert done.as_data() == BY
+    assert done.as_data() == {"by": BY.by, "at": BY.at}
     return chronicle
 
 
@@ -59,7 +60,7 @@ def test_it_stays_while_a_worse_one_hides_the_alarm() -> None:
     assert seen(chronicle, DOWN, second=1) == [None]
     assert seen(chronicle, SILENT, second=2) == [BY]
     told = chronicle.stamp([SILENT], NOON)
-    assert told[0]["since"] == "2026-05-01T11:59:48+00:00"
+    assert told[0].since == "2026-05-01T11:59:48+00:00"
 
 
 def test_after_a_restart_it_waits_thirty_seconds_for_its_alarm() -> None:

@@ -4,8 +4,11 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from gateway.catalogue.troubles import DRIVE_SILENT, UNREFERENCED
-from gateway.supervisor.chronicle import Chronicle
+from gateway.status.axis import Reading
+from gateway.status.model import RelayModel
+from gateway.supervisor.chronicle import Chronicle, LastTarget
 from gateway.supervisor.trouble import Trouble
+from tests.status_models import relay_model_of
 
 NOON = datetime(2026, 5, 1, 12, tzinfo=UTC)
 
@@ -14,33 +17,33 @@ def silent(age_s: float) -> Trouble:
     return Trouble(DRIVE_SILENT, ("xyz", "1"), "axis x", f"silent for {age_s}", ("x",), age_s)
 
 
-def snapshot(nominal: float | None, **changes: Any) -> dict[str, Any]:
+def snapshot(nominal: float | None, **changes: Any) -> RelayModel:
     corrected = None if nominal is None else nominal + 0.25
     axis = {"compensation": "active", "nominal_actual": nominal, "corrected_actual": corrected}
-    return {"axes": {"x": {**axis, "correction": 0.125, "actual_age_s": 0.5, **changes}}}
+    return relay_model_of({"axes": {"x": {**axis, "correction": 0.125, "actual_age_s": 0.5, **changes}}})
 
 
 def test_a_trouble_keeps_the_time_since_when_it_is_there() -> None:
     chronicle = Chronicle()
     found = [silent(12.0), Trouble(UNREFERENCED, ("xyz", "2", "y"), "axis y", "not referenced", ("y",))]
-    assert [each["since"] for each in chronicle.stamp(found, NOON)] == [
+    assert [each.since for each in chronicle.stamp(found, NOON)] == [
         "2026-05-01T11:59:48+00:00",
         "2026-05-01T12:00:00+00:00",
     ]
     later = [silent(72.4), found[1]]
-    assert [each["since"] for each in chronicle.stamp(later, NOON + timedelta(minutes=1))] == [
+    assert [each.since for each in chronicle.stamp(later, NOON + timedelta(minutes=1))] == [
         "2026-05-01T11:59:48+00:00",
         "2026-05-01T12:00:00+00:00",
     ]
     assert chronicle.stamp([], NOON + timedelta(minutes=2)) == []
     [again] = chronicle.stamp([silent(3.0)], NOON + timedelta(minutes=3))
-    assert again["since"] == "2026-05-01T12:02:57+00:00"
+    assert again.since == "2026-05-01T12:02:57+00:00"
 
 
 def test_two_drives_that_are_silent_have_each_their_own_time() -> None:
     chronicle = Chronicle()
     other = Trouble(DRIVE_SILENT, ("xyz", "2"), "axis y", "silent", ("y",), 2.0)
-    assert [each["since"] for each in chronicle.stamp([silent(12.0), other], NOON)] == [
+    assert [each.since for each in chronicle.stamp([silent(12.0), other], NOON)] == [
         "2026-05-01T11:59:48+00:00",
         "2026-05-01T11:59:58+00:00",
     ]
@@ -51,7 +54,7 @@ def test_the_last_place_of_an_axis_stays_with_its_age() -> None:
     assert chronicle.last("x", 100.0) is None
     chronicle.take(snapshot(40.0), 100.0)  # seen half a second before
     chronicle.take(snapshot(None, correction=None), 101.0)
-    assert chronicle.last("x", 112.5) == {"nominal": 40.0, "corrected": 40.25, "age_s": 13.0}
+    assert chronicle.last("x", 112.5) == Reading(nominal=40.0, corrected=40.25, age_s=13.0)
 
 
 def test_a_snapshot_that_comes_no_more_makes_nothing_newer() -> None:
@@ -61,7 +64,7 @@ def test_a_snapshot_that_comes_no_more_makes_nothing_newer() -> None:
     chronicle.take(frozen, 130.0)
     last = chronicle.last("x", 130.0)
     assert last is not None
-    assert last["age_s"] == 30.5
+    assert last.age_s == 30.5
 
 
 def test_ten_minutes_are_kept_a_place_each_second() -> None:
@@ -92,7 +95,7 @@ def test_where_nothing_is_known_there_is_a_gap_and_in_shadow_the_correction_is_w
 def test_an_axis_that_is_gone_is_forgotten() -> None:
     chronicle = Chronicle()
     chronicle.take(snapshot(40.0), 100.0)
-    chronicle.take({"axes": {}}, 101.0)
+    chronicle.take(RelayModel(), 101.0)
     assert chronicle.history("x") is None
     assert chronicle.last("x", 101.0) is None
 
@@ -101,21 +104,21 @@ def test_a_supervisor_that_comes_late_has_the_last_reading_from_the_relay() -> N
     chronicle = Chronicle()
     told = {"nominal": 40.0, "corrected": 40.25, "age_s": 30.0}
     chronicle.take(snapshot(None, correction=None, last_actual=told), 100.0)
-    assert chronicle.last("x", 101.0) == {"nominal": 40.0, "corrected": 40.25, "age_s": 31.0}
+    assert chronicle.last("x", 101.0) == Reading(nominal=40.0, corrected=40.25, age_s=31.0)
     # What it has seen itself counts more: the relay's is on the map of now.
     chronicle.take(snapshot(50.0), 102.0)
     chronicle.take(snapshot(None, correction=None, last_actual=told), 103.0)
     last = chronicle.last("x", 103.0)
     assert last is not None
-    assert last["nominal"] == 50.0
+    assert last.nominal == 50.0
 
 
 def test_the_age_of_a_target_is_known_once_it_was_seen_to_come() -> None:
     chronicle = Chronicle()
     chronicle.take(snapshot(None, nominal_setpoint=40.0), 100.0)
-    assert chronicle.target("x", 130.0) == {"age_s": 30.0, "is_at_least": True}
+    assert chronicle.target("x", 130.0) == LastTarget(30.0, is_at_least=True)
     chronicle.take(snapshot(None, nominal_setpoint=50.0), 140.0)
     chronicle.take(snapshot(None, nominal_setpoint=50.0), 150.0)
-    assert chronicle.target("x", 155.0) == {"age_s": 15.0, "is_at_least": False}
+    assert chronicle.target("x", 155.0) == LastTarget(15.0, is_at_least=False)
     chronicle.take(snapshot(None, nominal_setpoint=None), 160.0)
     assert chronicle.target("x", 160.0) is None

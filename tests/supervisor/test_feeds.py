@@ -4,6 +4,7 @@ import asyncio
 
 from gateway.catalogue.entry import Severity
 from gateway.ipc.notes import Note
+from gateway.status.model import GatewayStatus, Model
 from gateway.supervisor.feeds import EVENTS_KEPT, Feeds, News
 
 
@@ -11,14 +12,18 @@ def note(number: int) -> Note:
     return Note(Severity.WARNING, "drive-silent", {"line": "xyz", "n": number}, 1_000_000_000.25)
 
 
+def named(name: str) -> Model:
+    return Model(gateway=GatewayStatus(name=name))
+
+
 async def test_a_reader_that_is_behind_gets_the_newest_model_and_the_newest_events() -> None:
     feeds = Feeds()
     with feeds.open() as feed:
         for number in range(EVENTS_KEPT + 3):
             feeds.tell(note(number))
-            feeds.publish({"number": number})
+            feeds.publish(named(str(number)))
         news = await feed.next()
-    assert news.model == {"number": EVENTS_KEPT + 2}
+    assert news.model == named(str(EVENTS_KEPT + 2))
     assert [told.number for told in news.events] == list(range(4, EVENTS_KEPT + 4))
     assert news.dropped == 3
 
@@ -31,18 +36,18 @@ async def test_nothing_comes_twice() -> None:
         waiting = asyncio.ensure_future(feed.next())
         await asyncio.sleep(0)
         assert not waiting.done()
-        feeds.publish({})
-        assert await waiting == News((), {}, 0)
+        feeds.publish(named(""))
+        assert await waiting == News((), named(""), 0)
 
 
 async def test_whoever_comes_later_gets_the_model_there_is_and_can_look_at_what_happened() -> None:
     feeds = Feeds()
-    feeds.publish({"a": 1})
+    feeds.publish(named("1"))
     feeds.tell(note(7))
     with feeds.open() as feed:
-        assert (await feed.next()).model == {"a": 1}
+        assert (await feed.next()).model == named("1")
     assert [told.note.fields["n"] for told in feeds.recent] == [7]
-    feeds.publish({"a": 2})  # nobody reads any more
+    feeds.publish(named("2"))  # nobody reads any more
 
 
 def test_models_come_as_often_as_the_most_curious_wants_them() -> None:

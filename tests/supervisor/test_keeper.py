@@ -11,6 +11,7 @@ from gateway.config.compile import compile_into_state
 from gateway.config.load import Loaded, load, reread_tables
 from gateway.state.last_good import last_plan
 from gateway.state.plan import read_plan
+from gateway.status.axis import TableStatus
 from gateway.supervisor.book import Book
 from gateway.supervisor.sights import look
 from gateway.supervisor.stillness import Sight
@@ -246,8 +247,8 @@ def shown(keeper: Keeper) -> dict[str, tuple[str, str | None]]:
     """Return state and error of each axis's file after a reload, as the status has them."""
     book, outcome = Book(), keeper.reload()
     book.enter(keeper.names, outcome)
-    overlays = {axis: entry.overlay() for axis, entry in book.entries(frozenset()).items()}
-    return {axis: (found["status"], found["error"]) for axis, found in overlays.items()}
+    tables = {axis: entry.over(TableStatus()) for axis, entry in book.entries(frozenset()).items()}
+    return {axis: (found.status, found.error) for axis, found in tables.items()}
 
 
 def test_a_good_file_that_its_group_holds_back_is_not_called_active(pair: Path) -> None:

@@ -4,16 +4,17 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
-from typing import Any
 
 from gateway.ipc.desk import Desk
 from gateway.ipc.messages import Happened, Pong, Request
 from gateway.ipc.place import socket_path
 from gateway.ipc.server import ControlServer
+from gateway.status.model import RelayModel
 from gateway.supervisor.link import Link
+from tests.status_models import relay_model_of
 
 PATIENCE_S = 30.0
-STATUS = {"gateway": {"name": "mill-1", "relay": "up", "snapshot_age_s": 0.0}, "lines": {}, "axes": {}}
+STATUS = relay_model_of({"gateway": {"name": "mill-1", "relay": "up", "snapshot_age_s": 0.0}})
 
 
 def pong(request: Request) -> Pong:
@@ -55,8 +56,8 @@ async def linked(state: Path) -> AsyncIterator[tuple[Link, Heard]]:
 
 
 @contextlib.asynccontextmanager
-async def relay(state: Path, status: dict[str, Any] | None = None) -> AsyncIterator[ControlServer]:
-    server = ControlServer(state, Desk(pong, status=lambda: STATUS if status is None else status))
+async def relay(state: Path, status: RelayModel = STATUS) -> AsyncIterator[ControlServer]:
+    server = ControlServer(state, Desk(pong, status=lambda: status))
     await server.open()
     try:
         yield server
@@ -85,7 +86,7 @@ async def test_the_newest_snapshot_stays_when_the_relay_is_lost_and_says_so(tmp_
         assert heard.lost == ["the connection was closed"]
         age_s = link.snapshot_age_s
         assert age_s is not None
-        later = {**STATUS, "gateway": {"name": "mill-2"}}
+        later = relay_model_of({"gateway": {"name": "mill-2"}})
         async with relay(tmp_path, later):
             await until(lambda: link.snapshot == later)
         assert heard.ups == 2

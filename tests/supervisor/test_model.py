@@ -10,11 +10,12 @@ import pytest
 
 from gateway.catalogue.troubles import HIDES, TROUBLES
 from gateway.config.problems import Problem
-from gateway.supervisor.book import Book
+from gateway.supervisor.book import Book, Entry, FileState
 from gateway.supervisor.chronicle import Chronicle
 from gateway.supervisor.model import NO_LIMITS, Limits, whole_model
 from gateway.supervisor.outcome import Outcome
 from gateway.supervisor.trouble import STALE_S
+from tests.status_models import plain, relay_model_of, supervisor_of
 
 AXIS: dict[str, Any] = {
     "compensation": "active",
@@ -29,6 +30,7 @@ SNAPSHOT: dict[str, Any] = {
 WELL: dict[str, Any] = {
     name: {"problem": None} for name in ("configuration", "tables_folder", "state_folder", "http", "mqtt")
 }
+WAITING = Entry("y.tab", FileState.WAITING)
 REJECTED = Problem("tables/x.tab", "axis.x.table", "no number", "a number", 7)
 
 
@@ -44,14 +46,16 @@ def model(
 ) -> dict[str, Any]:
     book = Book()
     book.enter({"x": "x.tab"}, outcome or Outcome())
-    return whole_model(
-        "mill-1",
-        snapshot,
-        is_relay_up=is_up,
-        snapshot_age_s=age_s,
-        tables=book.entries(moving),
-        supervisor=supervisor,
-        silent_after_s=silent_after_s,
+    return plain(
+        whole_model(
+            "mill-1",
+            None if snapshot is None else relay_model_of(snapshot),
+            is_relay_up=is_up,
+            snapshot_age_s=age_s,
+            tables=book.entries(moving),
+            supervisor=None if supervisor is None else supervisor_of(supervisor),
+            silent_after_s=silent_after_s,
+        )
     )
 
 
@@ -73,10 +77,16 @@ def with_axis(**changes: Any) -> dict[str, Any]:
 def test_a_gateway_that_is_well_has_no_troubles_and_says_what_the_relay_says() -> None:
     found = model()
     assert found["troubles"] == []
-    assert found["lines"] == SNAPSHOT["lines"]
+    assert found["lines"] == plain(relay_model_of(SNAPSHOT))["lines"]
     table = found["axes"]["x"]["table"]
-    assert table == {**AXIS["table"], "problems": []}
-    assert SNAPSHOT["axes"]["x"]["table"] == AXIS["table"]  # what was handed in is not changed
+    assert {key: table[key] for key in (*AXIS["table"], "problems")} == {**AXIS["table"], "problems": []}
+
+
+def test_what_the_relay_said_is_not_changed() -> None:
+    told = relay_model_of(SNAPSHOT)
+    own, tables = supervisor_of(WELL), {"x": WAITING}
+    whole_model("m", told, is_relay_up=False, snapshot_age_s=9.0, tables=tables, supervisor=own)
+    assert told == relay_model_of(SNAPSHOT)
 
 
 def test_a_rejected_file_says_its_first_problem_and_keeps_what_the_relay_has() -> None:
@@ -673,18 +683,18 @@ def positions(*snapshots: dict[str, Any], wait_s: float = 0.0) -> dict[str, Any]
     """Return where axis x is called to be after these snapshots."""
     chronicle = Chronicle()
     for snapshot in snapshots:
-        chronicle.take(snapshot, time.monotonic() - wait_s)
+        chronicle.take(relay_model_of(snapshot), time.monotonic() - wait_s)
         wait_s = 0.0
     found = whole_model(
         "mill-1",
-        snapshots[-1],
+        relay_model_of(snapshots[-1]),
         is_relay_up=True,
         snapshot_age_s=0.1,
         tables={},
-        supervisor=WELL,
+        supervisor=supervisor_of(WELL),
         chronicle=chronicle,
     )
-    position: dict[str, Any] = found["axes"]["x"]["position"]
+    position: dict[str, Any] = plain(found.axes["x"].position)
     return position
 
 
@@ -732,14 +742,14 @@ def test_an_axis_that_is_well_again_is_healthy_since_then() -> None:
     def since(snapshot: dict[str, Any]) -> str:
         found = whole_model(
             "mill-1",
-            snapshot,
+            relay_model_of(snapshot),
             is_relay_up=True,
             snapshot_age_s=0.1,
             tables={},
-            supervisor=WELL,
+            supervisor=supervisor_of(WELL),
             chronicle=chronicle,
         )
-        return str(found["axes"]["x"]["verdict"]["since"])
+        return str(found.axes["x"].verdict.since)
 
     assert since(with_drive(ANSWERS)) == "2026-05-01T09:00:00+00:00"
     hours[0] = 10

@@ -9,10 +9,12 @@ from typing import Any
 import pytest
 
 from gateway.catalogue.troubles import DRIVE_SILENT
+from gateway.status.model import AcknowledgedBy
 from gateway.supervisor import past as past_module
 from gateway.supervisor.chronicle import Chronicle
 from gateway.supervisor.past import Past
 from gateway.supervisor.trouble import Trouble
+from tests.status_models import relay_model_of
 
 NOON_S = datetime(2026, 5, 1, 12, tzinfo=UTC).timestamp()
 
@@ -35,7 +37,7 @@ class Keeping:
         self.past = Past(state, self.chronicle, say)
 
     async def at(self, second: float, nominal: float | None) -> None:
-        self.chronicle.take(snapshot(nominal), second)
+        self.chronicle.take(relay_model_of(snapshot(nominal)), second)
         await self.past.keep(second, NOON_S + second)
 
     async def of(self, span_s: float, second: float) -> list[tuple[float, float | None]]:
@@ -117,7 +119,7 @@ async def test_a_clock_that_is_set_back_costs_one_file(tmp_path: Path) -> None:
     keeping = Keeping(tmp_path)
     await keeping.at(7200, 1.0)
     for number in range(10):
-        keeping.chronicle.take(snapshot(2.0), 7200 + 10 * (number + 1))
+        keeping.chronicle.take(relay_model_of(snapshot(2.0)), 7200 + 10 * (number + 1))
         await keeping.past.keep(7200 + 10 * (number + 1), NOON_S + 10 * number)
     assert len(list((tmp_path / "history").iterdir())) == 2
 
@@ -168,16 +170,16 @@ async def test_an_acknowledgement_outlives_the_process_and_ends_with_its_alarm(t
     noon = datetime.fromtimestamp(NOON_S, UTC)
     before = Keeping(tmp_path)
     [told] = before.chronicle.stamp([silent], noon)
-    assert told["acknowledged"] is None
-    before.chronicle.acknowledge("drive-silent", "axis x", told["since"], "shift", noon)
+    assert told.acknowledged is None
+    before.chronicle.acknowledge("drive-silent", "axis x", told.since, "shift", noon)
     await before.past.keep(0, NOON_S)
     assert (tmp_path / "acknowledged.json").stat().st_mode & 0o777 == 0o600
 
     after = Keeping(tmp_path)
     await after.past.recall()
     [again] = after.chronicle.stamp([silent], datetime.fromtimestamp(NOON_S + 300, UTC))
-    assert again["since"] == told["since"] == "2026-05-01T11:59:00+00:00"
-    assert again["acknowledged"] == {"by": "shift", "at": "2026-05-01T12:00:00+00:00"}
+    assert again.since == told.since == "2026-05-01T11:59:00+00:00"
+    assert again.acknowledged == AcknowledgedBy(by="shift", at="2026-05-01T12:00:00+00:00")
 
 
 async def test_a_file_of_acknowledgements_that_is_none_is_told(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from gateway.ipc.messages import Ping, Pong, Status, decode_request, encode
 from gateway.ipc.notes import Note
 from gateway.ipc.place import socket_path
 from gateway.state.plan import shape_of
+from gateway.status.model import RelayModel
 from gateway.supervisor.supervisor import Supervisor
 from tests.processes.bench import CONFIG, TABLE
 
@@ -23,7 +24,7 @@ async def test_a_mistake_of_ours_is_told_and_ends_nothing(tmp_path: Path) -> Non
     async def relay_of_nobodys(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer as a relay of this shape whose status has no axes at all."""
         request = decode_request(await reader.readline())
-        writer.write(encode(pong if isinstance(request, Ping) else Status(status={"axes": {}})))
+        writer.write(encode(pong if isinstance(request, Ping) else Status(status=RelayModel())))
         writer.close()
 
     notes: list[Note] = []
@@ -37,8 +38,9 @@ async def test_a_mistake_of_ours_is_told_and_ends_nothing(tmp_path: Path) -> Non
         assert not running.done()
         model = supervisor.feeds.model
         assert model is not None
-        assert "made a mistake" in model["supervisor"]["tables_folder"]["problem"]
-        assert model["axes"] == {}
+        assert model.supervisor is not None
+        assert "made a mistake" in str(model.supervisor.tables_folder.problem)
+        assert model.axes == {}
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
     assert "reload-refused" in [note.event for note in notes]

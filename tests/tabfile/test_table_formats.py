@@ -7,14 +7,13 @@ from typing import Any
 import pytest
 import typer.main
 
-from gateway.cli import table_output as output
 from gateway.cli.table import app
 from gateway.cli.table_options import format_names, writable_names
+from gateway.cli.table_output import TableShown, explained
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import DIALECTS, OPTIONS, FileContext, TabFileError, explain, read_table
 from gateway.tabfile.conversion import resample
-from gateway.tabfile.explanation import to_json
 from tests.table_commands import good, run
 
 TABLES = Path(__file__).parents[2] / "tables"
@@ -130,15 +129,15 @@ def test_the_letter_in_the_file_can_be_told(tmp_path: Path) -> None:
     assert run("convert", V3, tmp_path / "b.tab", "--to", "centroid-3", "--to-axis", "xx").exit_code == 2
 
 
-def test_what_the_control_did_beside_the_table_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_the_control_did_beside_the_table_is_shown() -> None:
     loaded = read_table(V3, FileContext())
     behaves_as = ('outside = "zero"', "reversal = { cycles = 5 }")
     loaded = replace(loaded, source=replace(loaded.source, behaves_as=behaves_as))
-    assert output.summary(loaded)["behaves_as"] == list(behaves_as)
-    assert to_json(loaded, explain(loaded, -1.0))["behaves_as"] == list(behaves_as)
-    output.show_text(loaded, 0)
-    output.explain_text(loaded, explain(loaded, -1.0))
-    assert capsys.readouterr().out.count('to do as its control did, for the axis: outside = "zero"\n') == 2
+    shown, explanation = TableShown(loaded, 0), explain(loaded, -1.0)
+    assert shown.as_data()["behaves_as"] == list(behaves_as)
+    assert explanation.as_data()["behaves_as"] == list(behaves_as)
+    for lines in (shown.lines(), explained(explanation)):
+        assert list(lines).count('to do as its control did, for the axis: outside = "zero"') == 1
 
 
 def test_a_free_grid_goes_to_a_control_of_even_grids_only_with_a_step(tmp_path: Path) -> None:

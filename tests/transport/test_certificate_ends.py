@@ -10,6 +10,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from gateway.catalogue.entry import EventEntry
 from gateway.commissioning.certificates import make_authority, make_leaf, make_list
 from gateway.transport.certificates import SOON, Endings, read_held
+from tests.status_models import plain
 
 BORN = datetime(2026, 3, 1, 12, tzinfo=UTC)
 """The certificate is good for 40 days from here: until 10 April, 12:00."""
@@ -104,7 +105,7 @@ def test_of_each_file_the_first_to_end_is_in_the_status(
     revoked.write_bytes(told.list)
     told.endings.take(read_held({**told.paths, "key": tmp_path / "none", "revoked": revoked}))
     status = told.endings.status(END - 3 * DAY - MINUTE)
-    assert status[0] == {
+    assert plain(status[0]) == {
         "key": "certificate",
         "file": str(own),
         "subject": "CN=server",
@@ -112,10 +113,10 @@ def test_of_each_file_the_first_to_end_is_in_the_status(
         "days_left": 3,
     }
     # Ten years hold 3653 days: 2028, 2032 and 2036 have a 29th of February.
-    assert (status[1]["key"], status[1]["ends"]) == ("clients", "2036-02-27T12:00:00+00:00")
-    assert [each["key"] for each in status] == ["certificate", "clients", "revoked"]
-    assert told.endings.status(END)[0]["days_left"] == 0
-    assert told.endings.status(END + timedelta(seconds=1))[0]["days_left"] == -1
+    assert (status[1].key, status[1].ends) == ("clients", "2036-02-27T12:00:00+00:00")
+    assert [each.key for each in status] == ["certificate", "clients", "revoked"]
+    assert told.endings.status(END)[0].days_left == 0
+    assert told.endings.status(END + timedelta(seconds=1))[0].days_left == -1
 
 
 def test_a_list_that_runs_out_is_told_of(told: Told, tmp_path: Path) -> None:
@@ -134,4 +135,4 @@ def test_what_only_openssl_can_read_has_no_end_and_says_nothing(told: Told, tmp_
     path.write_text("nothing")
     told.endings.take(read_held({"certificate": path, "revoked": tmp_path / "gone"}))
     assert told.at(END, END + 1000 * DAY) == []
-    assert [each["days_left"] for each in told.endings.status(END)] == [None, None]
+    assert [each.days_left for each in told.endings.status(END)] == [None, None]

@@ -15,11 +15,10 @@ from pathlib import Path
 
 import pytest
 
+from gateway.status.line import LatencySettings, Rs485
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import RefusedError
 from gateway.transport.low_latency import (
-    LatencySettings,
-    Rs485,
     flag_note,
     remarks,
     set_rs485,
@@ -28,6 +27,7 @@ from gateway.transport.low_latency import (
 )
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort, open_port
+from tests.status_models import plain
 
 NOBODY = 65534
 KEYS = ("ftdi_latency_timer_ms", "async_low_latency", "rx_trig_bytes", "rs485")
@@ -196,8 +196,8 @@ def test_a_flag_that_was_not_taken_is_noted_and_costs_nothing() -> None:
 
 
 def test_settings_as_plain_data_have_every_key() -> None:
-    assert LatencySettings().status() == dict.fromkeys(KEYS)
-    full = LatencySettings(1, True, 1, Rs485(True, True, False, True, 2, 3)).status()
+    assert plain(LatencySettings()) == dict.fromkeys(KEYS)
+    full = plain(LatencySettings(1, True, 1, Rs485(True, True, False, True, 2, 3)))
     assert full == {
         "ftdi_latency_timer_ms": 1,
         "async_low_latency": True,
@@ -219,7 +219,7 @@ async def test_a_pseudo_terminal_is_open_with_nothing_to_report() -> None:
     receiver = _Nobody()
     port = SerialPort(SerialEndpoint(cable.near), receiver, said.append, said.append)
     await port.open()
-    assert port.latency == dict.fromkeys(KEYS)
+    assert port.latency == LatencySettings()
     assert port.notes == ("a pseudo terminal has no low-latency mode",)
     assert said == []
     await port.close()

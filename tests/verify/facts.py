@@ -7,7 +7,9 @@ say, for how long it said nothing, what of a target was lost. What the status an
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from gateway.exchange.events import Event, EventKind
+from gateway.catalogue import exchange_events
+from gateway.catalogue.entry import EventEntry
+from gateway.exchange.events import Event
 from gateway.exchange.plan import AxisPlan, Reference, Role
 from gateway.exchange.rights import UNLIMITED
 from tests.exchange.line_bench import ACTUAL
@@ -38,10 +40,10 @@ OTHER_MOTIONS: Final = frozenset({HOME, JOG, STORED, ZERO})
 NO_REPLY: Final = 0x0B
 LOST: Final = 4
 """Exception code of what was lost without one."""
-TOLD_AFTER: Final[dict[EventKind, tuple[Callable[["Said"], bool], bool]]] = {
-    EventKind.AXIS_BLOCKED: (lambda said: said.is_own_blocked, True),
-    EventKind.AXIS_RELEASED: (lambda said: said.is_own_blocked, False),
-    EventKind.DIRECTION_UNSURE: (lambda said: said.direction == "unsure", True),
+TOLD_AFTER: Final[dict[EventEntry, tuple[Callable[["Said"], bool], bool]]] = {
+    exchange_events.AXIS_BLOCKED: (lambda said: said.is_own_blocked, True),
+    exchange_events.AXIS_RELEASED: (lambda said: said.is_own_blocked, False),
+    exchange_events.DIRECTION_UNSURE: (lambda said: said.direction == "unsure", True),
 }
 """Events that tell of a change of what is said, with what is said afterwards."""
 
@@ -284,7 +286,7 @@ WITHIN_MINUTE_NS: Final = 50 * 1000 * MS
 def _written_anew(world: "World", number: int) -> None:
     """A staged target was written anew, which is told once a minute (9)."""
     facts, name = _of(world, number), world.design.plans[number].name
-    is_told = any(event.kind is EventKind.RESTAGED and event.axis == name for event in world.told)
+    is_told = any(event.kind is exchange_events.RESTAGED and event.axis == name for event in world.told)
     age_ns = world.now_ns - facts.restaged_ns
     if is_told and age_ns < WITHIN_MINUTE_NS:
         raise BrokenRuleError("restaged is told again within a minute (9)")
@@ -579,46 +581,46 @@ def _judge_events(world: "World", name: str, before: "Said", after: "Said", told
     for kind, (what, value) in TOLD_AFTER.items():
         was, is_now = what(before) is value, what(after) is value
         is_back = False
-        if kind is EventKind.DIRECTION_UNSURE:
+        if kind is exchange_events.DIRECTION_UNSURE:
             # What fell and rose again while a frame was on its way is no change for who is told of it.
-            fell = (name, f"no {kind.value}")
+            fell = (name, f"no {kind.name}")
             is_back = is_now and not was and fell in owed
             if world.state.wire is None or is_now:
                 owed.discard(fell)
             elif was:
                 owed.add(fell)
-        is_due = (is_now and not was and not is_back) or (name, kind.value) in owed
+        is_due = (is_now and not was and not is_back) or (name, kind.name) in owed
         others = sum(each is not kind and each in TOLD_AFTER and TOLD_AFTER[each][0] is what for each in own)
-        most = is_due + others + (kind is EventKind.DIRECTION_UNSURE and not was)
-        if own.count(kind) > most and kind is not EventKind.AXIS_BLOCKED:  # told with each refusal, too
-            raise BrokenRuleError(f"{kind.value} is told {own.count(kind)} times, and it is not new (9)")
-        owed.discard((name, kind.value))
+        most = is_due + others + (kind is exchange_events.DIRECTION_UNSURE and not was)
+        if own.count(kind) > most and kind is not exchange_events.AXIS_BLOCKED:  # told with each refusal, too
+            raise BrokenRuleError(f"{kind.name} is told {own.count(kind)} times, and it is not new (9)")
+        owed.discard((name, kind.name))
         if is_due and is_now and kind not in own:
             if world.state.wire is None:
-                raise BrokenRuleError(f"{kind.value} is not told, and it is so now (9)")
-            owed.add((name, kind.value))
+                raise BrokenRuleError(f"{kind.name} is not told, and it is so now (9)")
+            owed.add((name, kind.name))
     if owed != set(world.state.owed):
         world.state = world.state._replace(owed=tuple(sorted(owed)))
 
 
-def _judge_told_once(world: "World", number: int, told: list[EventKind]) -> None:
+def _judge_told_once(world: "World", number: int, told: list[EventEntry]) -> None:
     """A record is decided once, and of what nobody knows is told once (9)."""
     facts = _of(world, number)
-    decided = told.count(EventKind.RESTORED) + told.count(EventKind.RECORD_NOT_USED)
+    decided = told.count(exchange_events.RESTORED) + told.count(exchange_events.RECORD_NOT_USED)
     if decided > facts.is_recalling:
         raise BrokenRuleError("a record is decided, and there is none that is open (9)")
-    unknown = told.count(EventKind.UNKNOWN_MODE)
+    unknown = told.count(exchange_events.UNKNOWN_MODE)
     if unknown + facts.has_told_unknown > 1:
         raise BrokenRuleError("unknown-mode is told again for the same contents (9)")
     is_open = facts.is_recalling and not decided
     if is_open and facts.has_to_decide and world.state.wire is None and not world.design.groups:
         raise BrokenRuleError("the record is not decided, and what decides it has come (5)")
-    if EventKind.STREAM_BEGAN in told:
+    if exchange_events.STREAM_BEGAN in told:
         if facts.has_told_began:
             raise BrokenRuleError("stream-began is told again, and nothing has ended it (9)")
         facts = facts._replace(has_told_began=True)
         note(world, number, facts)
-    if EventKind.BRANCH_HUNTS in told:
+    if exchange_events.BRANCH_HUNTS in told:
         if facts.hunts_ns and world.now_ns - facts.hunts_ns < WITHIN_MINUTE_NS:
             raise BrokenRuleError("branch-hunts is told again within a minute (9)")
         facts = facts._replace(hunts_ns=world.now_ns)
@@ -638,11 +640,13 @@ def _judge_told_reference(world: "World", number: int, said: "Said", told: list[
     """Found and lost are told in turn, and what was told last is so."""
     was = is_found = _of(world, number).told_found
     for event in told:
-        is_new = {EventKind.AXIS_REFERENCED: True, EventKind.REFERENCE_LOST: False}.get(event.kind)
+        is_new = {exchange_events.AXIS_REFERENCED: True, exchange_events.REFERENCE_LOST: False}.get(
+            event.kind
+        )
         if is_new is None or event.axis != world.design.plans[number].name:
             continue
         if is_new is is_found:
-            raise BrokenRuleError(f"{event.kind.value} is told, and it is not new (9)")
+            raise BrokenRuleError(f"{event.kind.name} is told, and it is not new (9)")
         is_found = is_new
     if is_found is not was:
         note(world, number, _of(world, number)._replace(told_found=is_found))

@@ -6,7 +6,7 @@ reason that the gateway gives aloud: an axis that is flagged unsure, that is not
 
 from typing import TYPE_CHECKING, Any, Final
 
-from gateway.exchange.events import EventKind
+from gateway.catalogue import exchange_events
 from gateway.exchange.plan import Late, Role
 from gateway.exchange.transaction import Phase, Stopping
 from gateway.modbus.pdu import is_exception
@@ -836,7 +836,7 @@ def _judge_record(world: "World", number: int) -> None:
     assert run is not None
     if run.end_counts not in (axis.stands_counts, axis.goes_counts):
         return
-    is_told = any(event.kind is EventKind.RESTORED and event.axis == name for event in world.told)
+    is_told = any(event.kind is exchange_events.RESTORED and event.axis == name for event in world.told)
     if not is_told and not world.design.groups:
         raise BrokenRuleError(
             f"the axis was killed on its way to {run.end_counts}, is seen at {axis.stands_counts}, and its "
@@ -855,7 +855,7 @@ def _judge_record(world: "World", number: int) -> None:
 def _recall_stop(world: "World", number: int) -> None:
     """A record that counts says where the axis is, and on which way it was stopped. BrokenRuleError."""
     axis, name = world.state.axes[number], world.design.plans[number].name
-    found = [e for e in world.told if e.kind is EventKind.RESTORED and e.axis == name]
+    found = [e for e in world.told if e.kind is exchange_events.RESTORED and e.axis == name]
     is_told, run = bool(found), axis.run
     is_there = run is not None and axis.goes_counts is None and axis.stands_counts == run.end_counts
     if is_told and run is not None and is_there and run.state == "active" and not run.is_unsure:

@@ -8,8 +8,9 @@ exceptions that a controller may be answered, and the ends of what is cut throug
 from collections.abc import Collection
 from typing import Final
 
+from gateway.catalogue import exchange_events
+from gateway.catalogue.entry import entries_of
 from gateway.exchange.cut_through.frame import CutEvent
-from gateway.exchange.events import EventKind
 from tests.verify.snapshot import all_rows
 
 EXCEPTIONS: Final = (1, 4, 6, 0x0A, 0x0B)
@@ -56,6 +57,6 @@ NOT_MET: Final[dict[str, str]] = {
 def missing(met: Collection[str]) -> list[str]:
     """Return what should have been met and was not."""
     wanted = {f"row {name}" for name in all_rows()}
-    wanted |= {f"event {kind.value}" for kind in EventKind}
+    wanted |= {f"event {kind.name}" for kind in entries_of(exchange_events)}
     wanted |= {f"exception {code:#04x}" for code in EXCEPTIONS} | CUT_ENDS
     return sorted(wanted - set(met) - set(NOT_MET))

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
+from gateway.catalogue import exchange_events
+from gateway.catalogue.entry import entries_of
 from gateway.compiled import is_compiled
-from gateway.exchange.events import EventKind
 from tests.soak import IS_FULL
 from tests.verify import snapshot
 from tests.verify import world as world_module
@@ -292,6 +293,6 @@ def test_what_no_world_meets_is_there_and_what_was_not_met_is_told() -> None:
     assert missing(wanted) == []
     assert missing(wanted - {"row own + completed"}) == ["row own + completed"]
     everything = {f"row {name}" for name in snapshot.all_rows()} | {
-        f"event {each.value}" for each in EventKind
+        f"event {each.name}" for each in entries_of(exchange_events)
     }
     assert set(NOT_MET) <= everything

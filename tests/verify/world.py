@@ -1362,8 +1362,8 @@ class World:
     # --- what the gateway did --------------------------------------------------------------------------
 
     def _tell(self, event: Event) -> None:
-        self.tally.events.add(event.kind.value)
-        self.tally.note(event.kind.value, event.axis)
+        self.tally.events.add(event.kind.name)
+        self.tally.note(event.kind.name, event.axis)
         self.told.append(event)
 
     def _collect(self, answered: Wire | None = None, reply: bytes = b"") -> None:

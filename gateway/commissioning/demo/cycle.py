@@ -5,7 +5,7 @@ What there is to see of it is in :class:`View`, written by its steps, read by th
 
 import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from enum import Enum
@@ -16,11 +16,10 @@ from gateway.commissioning.demo.machine import AXES, AxisSpec, Rig, RigAxis, wri
 from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable
 from gateway.config.load import load
-from gateway.metrology.build import HomeReference
+from gateway.metrology.build import Fit, HomeReference
 from gateway.metrology.cycle import Stop, bidirectional_cycle
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Recipe, build_from
-from gateway.metrology.shapes import Fit
 from gateway.relay.gateway import Relay
 from gateway.simulator.clock import scaled_clock
 from gateway.simulator.controller import Arrival, AxisController
@@ -180,8 +179,7 @@ async def _all_lines_up(relay: Relay) -> None:
 
 
 def _lines_down(relay: Relay) -> list[str]:
-    lines = relay.status()["lines"].items()
-    return [name for name, line in lines if isinstance(line, Mapping) and line["state"] != "up"]
+    return [name for name, line in relay.status().lines.items() if line.state != "up"]
 
 
 def _axis_view(axis: RigAxis) -> AxisView:

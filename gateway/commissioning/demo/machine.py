@@ -6,8 +6,8 @@ file for each axis, is made here too.
 
 import random
 import socket
-from collections.abc import AsyncIterator, Callable, Iterable
-from contextlib import AsyncExitStack, asynccontextmanager
+from collections.abc import AsyncIterator, Iterable
+from contextlib import AsyncExitStack, asynccontextmanager, closing
 from dataclasses import dataclass
 from enum import Enum
 from math import floor, log10
@@ -19,13 +19,12 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
-from gateway.simulator.axis import AxisRegisters, SimulatedAxis
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import SimulationClock
 from gateway.simulator.controller import AxisController, AxisWiring
-from gateway.simulator.drive import SimulatedDrive
+from gateway.simulator.drive import AxisRegisters, SimulatedAxis, SimulatedDrive
 from gateway.simulator.endpoints import SerialDriveServer, TcpDriveServer
-from gateway.simulator.laser import Laser
+from gateway.simulator.gauge import Laser
 from gateway.simulator.mechanics import Encoder, Mechanics, unit_mm
 from gateway.simulator.motion import Dynamics
 from gateway.simulator.pty import Pty
@@ -58,15 +57,15 @@ class AxisSpec:
     name: str
     controller: Cable
     drive: Cable
-    units: Units
     counts_per_unit: float
-    zero_counts: int
     low: float
     high: float
-    step: float
     lead_mm: float
     unit_id: int
     registers: AxisRegisters
+    units: Units = Units.MM
+    step: float = 10.0
+    zero_counts: int = 0
 
     @property
     def mm(self) -> float:
@@ -112,11 +111,11 @@ class AxisSpec:
 
 
 def _registers(command: int, actual: int, status: int, order: WordOrder) -> AxisRegisters:
-    return AxisRegisters(
-        command=(PositionField(command, RegisterType.INT32, order),),
-        actual=(PositionField(actual, RegisterType.INT32, order),),
-        bits={"done": BitField(status, 4), "homed": BitField(status, 8), "moving": BitField(status, 1)},
-    )
+    def place(address: int) -> tuple[PositionField, ...]:
+        return (PositionField(address, RegisterType.INT32, order),)
+
+    bits = {name: BitField(status, bit) for name, bit in (("done", 4), ("homed", 8), ("moving", 1))}
+    return AxisRegisters(command=place(command), actual=place(actual), bits=bits)
 
 
 AXES: Final = (
@@ -124,12 +123,9 @@ AXES: Final = (
         name="x",
         controller=Cable.TCP,
         drive=Cable.TCP,
-        units=Units.MM,
         counts_per_unit=2000.0,
-        zero_counts=0,
         low=-300.0,
         high=0.0,
-        step=10.0,
         lead_mm=5.0,
         unit_id=1,
         registers=_registers(0x0606, 0x0520, 0x005C, WordOrder.LOW_FIRST),
@@ -138,12 +134,9 @@ AXES: Final = (
         name="y",
         controller=Cable.RTU,
         drive=Cable.RTU,
-        units=Units.MM,
         counts_per_unit=1000.0,
-        zero_counts=0,
         low=0.0,
         high=250.0,
-        step=10.0,
         lead_mm=10.0,
         unit_id=2,
         registers=_registers(0x6201, 0x602C, 0x1003, WordOrder.HIGH_FIRST),
@@ -152,15 +145,15 @@ AXES: Final = (
         name="z",
         controller=Cable.TCP,
         drive=Cable.RTU,
-        units=Units.INCH,
         counts_per_unit=-50_000.0,
-        zero_counts=120_000,
         low=-8.0,
         high=0.0,
-        step=0.4,
         lead_mm=5.08,
         unit_id=3,
         registers=_registers(0x4000, 0x3700, 0x3200, WordOrder.LOW_FIRST),
+        units=Units.INCH,
+        step=0.4,
+        zero_counts=120_000,
     ),
 )
 
@@ -193,34 +186,27 @@ class RigAxis:
         self.controller_address = ""
         """What the gateway opens for the controller."""
         self._controller_end: TcpEndpoint | SerialEndpoint | None = None
-        self._exits = AsyncExitStack()
 
-    async def open(self) -> None:
-        """Bring the drive onto its cable and lay the controller's."""
+    async def open(self, exits: AsyncExitStack) -> None:
+        """Bring the drive onto its cable and lay the controller's; ``exits`` takes them away."""
         axis = SimulatedAxis(self.spec.name, self.spec.registers, self.mechanics)
         bus = DriveBus([SimulatedDrive(self.spec.unit_id, [axis])])
         if self.spec.drive is Cable.TCP:
             tcp = TcpDriveServer(bus, self.clock, host=LOOPBACK)
             await tcp.start()
-            self._exits.push_async_callback(tcp.stop)
+            exits.push_async_callback(tcp.stop)
             self.drive_address = f"{LOOPBACK}:{tcp.port}"
         else:
-            pty = Pty()
-            self._exits.callback(pty.close)
-            self._exits.callback(SerialDriveServer(bus, self.clock, pty.master_fd).close)
+            pty = exits.enter_context(closing(Pty()))
+            exits.enter_context(closing(SerialDriveServer(bus, self.clock, pty.master_fd)))
             self.drive_address = pty.path
         if self.spec.controller is Cable.TCP:
             self._controller_end = TcpEndpoint(LOOPBACK, free_port())
             self.controller_address = str(self._controller_end)
         else:
-            cable = NullModem()
-            self._exits.callback(cable.close)
+            cable = exits.enter_context(closing(NullModem()))
             self._controller_end = SerialEndpoint(cable.far)
             self.controller_address = cable.near
-
-    async def close(self) -> None:
-        """Take everything away."""
-        await self._exits.aclose()
 
     @asynccontextmanager
     async def controller(self) -> AsyncIterator[AxisController]:
@@ -233,19 +219,21 @@ class RigAxis:
 class Rig:
     """All axes; enter it to have them on their cables."""
 
-    def __init__(self, specs: tuple[AxisSpec, ...], seed: int, clock: Callable[[], float]) -> None:
+    def __init__(self, specs: tuple[AxisSpec, ...], seed: int, clock: SimulationClock) -> None:
         self.axes = tuple(RigAxis(spec, seed, clock) for spec in specs)
+        self._exits = AsyncExitStack()
 
     async def __aenter__(self) -> Self:
         """Open everything."""
-        for axis in self.axes:
-            await axis.open()
+        async with AsyncExitStack() as exits:
+            for axis in self.axes:
+                await axis.open(exits)
+            self._exits = exits.pop_all()
         return self
 
     async def __aexit__(self, *exc_info: object) -> None:
         """Close everything."""
-        for axis in self.axes:
-            await axis.close()
+        await self._exits.aclose()
 
 
 def free_port() -> int:
@@ -259,42 +247,18 @@ CONFIGURATION_NAME: Final = "gateway.toml"
 TABLES_FOLDER: Final = "tables"
 TABLE_FORMAT: Final = "centroid-3"
 
-_HEAD: Final = """\
+_HEAD: Final = f"""\
 # Written by pitch-gateway demo. Ports and device paths belong to that one run.
 [gateway]
 name = "demo"
-tables = "{tables}"
+tables = "{TABLES_FOLDER}"
 
 [http]
 listen = ""
 """
-_LINE: Final = """
-[line.{name}]
-drives = {{ {drive} = "{drive_address}" }}
-response_timeout_ms = {patience_ms}
-
-[[line.{name}.controllers]]
-name = "controller-{name}"
-{controller} = "{controller_address}"
-timeout_ms = {patience_ms}
-"""
-_AXIS: Final = """
-[axis.{name}]
-line = "{name}"
-unit_id = {unit_id}
-units = "{units}"
-counts_per_unit = {counts_per_unit}
-zero_counts = {zero_counts}
-travel = [{low}, {high}]
-referenced = "drive-bit"
-home_approach = "{home_approach}"
-"""
-_REGISTERS: Final = """
-[axis.{name}.registers]
-command = [{command}]
-actual = [{actual}]
-bits = {{ {bits} }}
-"""
+_DRIVE_PORT: Final = ', baudrate = 115200, parity = "even"'
+_CONTROLLER_PORT: Final = 'baudrate = 38400\nparity = "even"\n'
+"""How serial ports are set; nothing of it counts on pseudo terminals."""
 
 
 def table_name(spec: AxisSpec) -> str:
@@ -313,55 +277,42 @@ def write_table(folder: Path, axis: RigAxis, table: CorrectionTable) -> Path:
 
 def write_configuration(folder: Path, axes: Iterable[RigAxis], *, corrected: bool) -> Path:
     """Write gateway.toml, with the tables in use or without, and return its path."""
-    text = _HEAD.format(tables=TABLES_FOLDER)
-    for axis in axes:
-        text += _line(axis) + _axis(axis, corrected=corrected) + _registers_text(axis)
     path = folder / CONFIGURATION_NAME
-    path.write_text(text, encoding="utf-8")
+    path.write_text(_HEAD + "".join(_axis(axis, corrected=corrected) for axis in axes), encoding="utf-8")
     return path
 
 
-def _line(axis: RigAxis) -> str:
-    spec = axis.spec
-    rtu = '", baudrate = 115200, parity = "even'
-    drive_address = axis.drive_address + (rtu if spec.drive is Cable.RTU else "")
-    line = _LINE.format(
-        name=spec.name,
-        drive=spec.drive.value,
-        drive_address=drive_address,
-        controller=spec.controller.value,
-        controller_address=axis.controller_address,
-        patience_ms=PATIENCE_MS,
-    )
-    return line + ('baudrate = 38400\nparity = "even"\n' if spec.controller is Cable.RTU else "")
-
-
 def _axis(axis: RigAxis, *, corrected: bool) -> str:
-    spec = axis.spec
+    """Return the line of an axis, and the axis."""
+    spec, registers = axis.spec, axis.spec.registers
     margin = 2 * spec.overrun
-    text = _AXIS.format(
-        name=spec.name,
-        unit_id=spec.unit_id,
-        units=spec.units.value,
-        counts_per_unit=spec.counts_per_unit,
-        zero_counts=spec.zero_counts,
-        low=spec.low - margin,
-        high=spec.high + margin,
-        home_approach=spec.home_direction.name.lower(),
-    )
-    if corrected:
-        return text + f'table = "{table_name(axis.spec)}"\ncompensation = "on"\n'
-    return text + 'compensation = "off"\n'
+    use = f'table = "{table_name(spec)}"\ncompensation = "on"' if corrected else 'compensation = "off"'
+    return f"""
+[line.{spec.name}]
+drives = {{ {spec.drive.value} = "{axis.drive_address}"{_DRIVE_PORT if spec.drive is Cable.RTU else ""} }}
+response_timeout_ms = {PATIENCE_MS}
 
+[[line.{spec.name}.controllers]]
+name = "controller-{spec.name}"
+{spec.controller.value} = "{axis.controller_address}"
+timeout_ms = {PATIENCE_MS}
+{_CONTROLLER_PORT if spec.controller is Cable.RTU else ""}
+[axis.{spec.name}]
+line = "{spec.name}"
+unit_id = {spec.unit_id}
+units = "{spec.units.value}"
+counts_per_unit = {spec.counts_per_unit}
+zero_counts = {spec.zero_counts}
+travel = [{spec.low - margin}, {spec.high + margin}]
+referenced = "drive-bit"
+home_approach = "{spec.home_direction.name.lower()}"
+{use}
 
-def _registers_text(axis: RigAxis) -> str:
-    registers = axis.spec.registers
-    return _REGISTERS.format(
-        name=axis.spec.name,
-        command=_position(registers.command[0]),
-        actual=_position(registers.actual[0]),
-        bits=", ".join(f"{name} = {_bit(bit)}" for name, bit in registers.bits.items()),
-    )
+[axis.{spec.name}.registers]
+command = [{_position(registers.command[0])}]
+actual = [{_position(registers.actual[0])}]
+bits = {{ {", ".join(f"{name} = {_bit(bit)}" for name, bit in registers.bits.items())} }}
+"""
 
 
 def _position(field: PositionField) -> str:

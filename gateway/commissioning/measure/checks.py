@@ -1,8 +1,8 @@
 """Everything that is checked before anything moves: the gateway, the axis, the range."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from gateway.commissioning.measure.axis_link import AxisLink
 from gateway.commissioning.measure.errors import AxisError
@@ -14,6 +14,8 @@ from gateway.ipc.messages import Pong, Reply
 from gateway.metrology.cycle import Stop
 from gateway.state.plan import ControllerLink, LinePlan
 from gateway.state.tables import compiled, digest_of
+from gateway.status.axis import AxisStatus
+from gateway.status.model import RelayModel
 
 OFF: Final = "off"
 IN_FORCE: Final = frozenset({"active", "blending", "outside"})
@@ -112,10 +114,10 @@ def check_same_plan(reply: Reply, shape: str) -> None:
         )
 
 
-def compensation_of(status: Mapping[str, Any], axis: AxisPlan) -> Compensation:
+def compensation_of(status: RelayModel, axis: AxisPlan) -> Compensation:
     """Return what is in force. Raises AxisError: nobody can say, or it is neither on nor off."""
     found = _axis_status(status, axis)
-    state = str(found["compensation"])
+    state = found.compensation
     if state in NOT_IN_FORCE:
         return Compensation(state)
     if state not in IN_FORCE:
@@ -125,10 +127,10 @@ def compensation_of(status: Mapping[str, Any], axis: AxisPlan) -> Compensation:
             "blocked": "the gateway refuses its targets; pitch-gateway status and its log say why",
         }.get(state, "pitch-gateway status says why")
         raise AxisError(f"axis {axis.name} is {state}: {remedy}")
-    if set(found["gain"].values()) != {1.0}:
-        gain = found["gain"]
+    gain = found.gain
+    if {gain.forward, gain.backward} != {1.0}:
         raise AxisError(
-            f"axis {axis.name} has gain {gain['forward']:g} forward and {gain['backward']:g} backward: "
+            f"axis {axis.name} has gain {gain.forward:g} forward and {gain.backward:g} backward: "
             "readings with a part of a table make no table; set both to 1, or pitch-gateway disable"
         )
     if not axis.table_name:
@@ -136,17 +138,17 @@ def compensation_of(status: Mapping[str, Any], axis: AxisPlan) -> Compensation:
             f"axis {axis.name} has a backlash and no table: pitch-gateway disable, then measure; the "
             "readings make a table that holds the lost motion"
         )
-    if found["table"]["sha256"] != axis.table_digest:
+    if found.table.sha256 != axis.table_digest:
         raise AxisError(
             f"axis {axis.name}: the gateway runs with another table than {axis.table_name} is now: "
             "pitch-gateway reload, then measure"
         )
-    if found["table"]["compiled"] != _compiled_digest(axis):
+    if found.table.compiled != _compiled_digest(axis):
         raise AxisError(
             f"axis {axis.name}: CONFIG reads {axis.table_name} otherwise than the gateway did "
             "(table_options): pitch-gateway reload, then measure"
         )
-    return Compensation(state, str(found["table"]["sha256"]))
+    return Compensation(state, str(found.table.sha256))
 
 
 def _compiled_digest(axis: AxisPlan) -> str:
@@ -159,9 +161,9 @@ def _compiled_digest(axis: AxisPlan) -> str:
     return digest_of(compiled(table))
 
 
-def check_writer(status: Mapping[str, Any], axis: AxisPlan) -> None:
+def check_writer(status: RelayModel, axis: AxisPlan) -> None:
     """Check that nobody moves the axis. Raises AxisError."""
-    writer = _axis_status(status, axis)["writer"]
+    writer = _axis_status(status, axis).writer
     if writer is not None:
         raise AxisError(
             f"axis {axis.name} is moved by {writer}: stop that program first, and try again when the axis "
@@ -169,9 +171,10 @@ def check_writer(status: Mapping[str, Any], axis: AxisPlan) -> None:
         )
 
 
-def check_line(status: Mapping[str, Any], line: LinePlan) -> None:
+def check_line(status: RelayModel, line: LinePlan) -> None:
     """Check that the gateway reaches the drives. Raises AxisError."""
-    state = status["lines"].get(line.name, {}).get("state")
+    found = status.lines.get(line.name)
+    state = None if found is None else found.state
     if state != "up":
         raise AxisError(f"line {line.name} is {state}: the gateway does not reach the drives")
 
@@ -259,8 +262,8 @@ async def check_standing(link: AxisLink) -> float:
     return look.position
 
 
-def _axis_status(status: Mapping[str, Any], axis: AxisPlan) -> Mapping[str, Any]:
-    found: Mapping[str, Any] | None = status["axes"].get(axis.name)
+def _axis_status(status: RelayModel, axis: AxisPlan) -> AxisStatus:
+    found = status.axes.get(axis.name)
     if found is None:
         raise AxisError(
             f"the gateway that runs has no axis {axis.name}: it runs from another CONFIG; restart it"

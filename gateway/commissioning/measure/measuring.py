@@ -13,7 +13,7 @@ THE AXIS MOVES in :meth:`Measuring.run`, and nowhere else.
 import asyncio
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -49,14 +49,21 @@ from gateway.config.load import Loaded
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import NoRelayError, ask_relay
 from gateway.ipc.messages import GetStatus, Ping, Status
-from gateway.metrology.cycle import Stop, bidirectional_cycle, remaining
+from gateway.metrology.cycle import (
+    DECIMALS,
+    Stop,
+    bidirectional_cycle,
+    even_targets,
+    random_targets,
+    remaining,
+)
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.gauge_kinds import GaugeKind
-from gateway.metrology.gauges import DEFAULTS, GaugeError, pattern_of
+from gateway.metrology.gauge_kinds import DEFAULTS, GaugeKind
+from gateway.metrology.gauges import GaugeError, pattern_of
 from gateway.metrology.lead import Period, lead_warnings, periods_of
-from gateway.metrology.program import DECIMALS, even_targets, random_targets
 from gateway.metrology.readings import Reading
 from gateway.state.plan import shape_of
+from gateway.status.model import RelayModel
 from gateway.transport.endpoints import SerialEndpoint
 
 EVEN: Final = 1e-6
@@ -376,7 +383,7 @@ class Measuring:
         points = outcome.points_of(plan.targets, self._table_step, axis)
         outcome.check_writable(self._out_format, points, axis, section)
 
-    def _status(self) -> Mapping[str, Any]:
+    def _status(self) -> RelayModel:
         """Return the status of the gateway that runs the configuration. Raises AxisError: none does."""
         config, state = self._loaded.path, self._loaded.state_folder
         try:

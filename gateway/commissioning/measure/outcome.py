@@ -16,23 +16,19 @@ from gateway.compensation.units import Units
 from gateway.config.axis_model import AxisSection
 from gateway.config.tables import context_of, write_options_of
 from gateway.exchange.plan import AxisPlan
-from gateway.metrology.build import HomeReference
-from gateway.metrology.circumstances import check_uncorrected
-from gateway.metrology.deviation import small_unit
+from gateway.metrology.build import Fit, HomeReference
+from gateway.metrology.doubts import notes_of
 from gateway.metrology.errors import ReadingsError
-from gateway.metrology.evaluation import Evaluation, evaluate
+from gateway.metrology.evaluation import Evaluation, evaluate, results_json
 from gateway.metrology.formats.context import ReadingsContext
 from gateway.metrology.formats.load import is_readings, read_survey
 from gateway.metrology.lead import Period, longest
-from gateway.metrology.readings import Survey
+from gateway.metrology.readings import Survey, check_uncorrected, small_unit
 from gateway.metrology.recipe import Built, Recipe, build_from
 from gateway.metrology.refine import Refined, refine_table
 from gateway.metrology.resample import grid_positions
-from gateway.metrology.residue import predicted_residue
-from gateway.metrology.results import left_out_json, left_out_line, left_out_text, results_json
+from gateway.metrology.residue import LeftOut, left_out_json, left_out_line, left_out_text, predicted_residue
 from gateway.metrology.scale import told_scale
-from gateway.metrology.shapes import Fit, LeftOut
-from gateway.metrology.whole import notes_of
 from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
 from gateway.tabfile.conversion import reader_lines, write
 

@@ -5,7 +5,7 @@ Between the two a person is told what will happen.
 
 import asyncio
 import signal
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from itertools import pairwise
@@ -31,13 +31,14 @@ from gateway.exchange.plan import AxisPlan, Reference
 from gateway.metrology.cycle import Stop
 from gateway.metrology.readings import Reading
 from gateway.state.plan import ControllerLink, LinePlan
+from gateway.status.model import RelayModel
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.errors import TransportError
 from gateway.transport.master import ModbusMaster
 
 ANY_ADDRESSES: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 - a listener's own
 FREE_AFTER_S: Final = 0.5
-Status = Callable[[], Mapping[str, Any]]
+Status = Callable[[], RelayModel]
 
 
 @dataclass(frozen=True, slots=True)

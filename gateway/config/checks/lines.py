@@ -1,17 +1,16 @@
 """Lines: who is on them, their ports, ways and times."""
 
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from ipaddress import ip_address
-from pathlib import Path
 from typing import Final, TypeGuard
 
 from gateway.budget.verdict import Grade, Judgement, judge
 from gateway.config.axis_model import AxisSection
 from gateway.config.build import line_plan
 from gateway.config.drive_files import NamedProfile
-from gateway.config.findings import Findings, read_document
+from gateway.config.findings import Findings
 from gateway.config.gateway_model import StatusUnitSection
 from gateway.config.line_model import Connect, ControllerSection, DrivesEndpoint, LineSection, broken_rule
 from gateway.config.problems import key_text, shown
@@ -394,16 +393,3 @@ def _note(findings: Findings, sections: Sections, judgement: Judgement) -> None:
         findings.refuse(key, judgement.found, judgement.remedy)
     elif judgement.grade is Grade.CLOSE:
         findings.warn(key, judgement.found, judgement.remedy)
-
-
-def findings_of(path: Path, judgements: Iterable[Judgement]) -> Findings:
-    """Return what was judged with its place in a configuration that could be loaded; notes are warnings.
-
-    Raises:
-        ConfigErrors: the file can no longer be read.
-    """
-    findings = Findings(read_document(path))
-    for judgement in judgements:
-        note = findings.refuse if judgement.grade is Grade.IMPOSSIBLE else findings.warn
-        note(judgement.key, judgement.found, judgement.remedy)
-    return findings

@@ -41,6 +41,8 @@ from functools import partial
 from math import isfinite
 from typing import Final
 
+from gateway.catalogue import exchange_events
+from gateway.catalogue.entry import EventEntry
 from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table
 from gateway.compensation.errors import SettingsError, TableError
@@ -78,7 +80,7 @@ from gateway.exchange.axis.reference import AxisReference, ReferenceEvent
 from gateway.exchange.axis.registers import FieldImage, RuleImage
 from gateway.exchange.axis.sight import SIGHT_AFTER, Sight, Told
 from gateway.exchange.axis.terms import Terms
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.field_counts import counts_of, raw_of, steps_of
 from gateway.exchange.plan import (
     ALARM_BIT,
@@ -325,7 +327,7 @@ class Axis:
             return words
         return field_.pack(corrected - steps_of(field_, correction))
 
-    def tell(self, kind: EventKind, detail: str = "") -> None:
+    def tell(self, kind: EventEntry, detail: str = "") -> None:
         """Report something about this axis."""
         self.events.append(Event(kind, self.plan.name, detail))
 
@@ -336,7 +338,7 @@ class Axis:
         self.told_unknown = contents
         shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in contents)
         what = f"the register map does not know {shown}" if shown else "nobody can tell what a frame means"
-        self.tell(EventKind.UNKNOWN_MODE, f"{what}: it passed untouched")
+        self.tell(exchange_events.UNKNOWN_MODE, f"{what}: it passed untouched")
 
     def tell_fault(self, sentence: str) -> None:
         """One of its machines met an event that cannot be in its state: a bug of this program.
@@ -344,7 +346,7 @@ class Axis:
         The safest counts from now on: nobody knows where the axis is, its reference is lost where a bit tells
         it anew, its triggers are refused until a complete target was accepted.
         """
-        self.tell(EventKind.INTERNAL_FAULT, sentence)
+        self.tell(exchange_events.INTERNAL_FAULT, sentence)
         self.motion.enter(MotionState.UNKNOWN)
         if self.reference.follows_homed_bit:
             was_referenced = self.reference.is_referenced
@@ -366,7 +368,7 @@ class Axis:
                 detail = "where the axis is could not be told; it keeps its branch"
                 if self.is_out_of_sight:
                     detail += "; its drive refuses to tell its actual position"
-                self.tell(EventKind.DIRECTION_UNSURE, detail)
+                self.tell(exchange_events.DIRECTION_UNSURE, detail)
         if not self.events:
             return ()
         taken = tuple(self.events)
@@ -376,14 +378,14 @@ class Axis:
     def _tell_reference(self) -> None:
         self.told_referenced = self.reference.is_referenced
         if self.reference.is_referenced:
-            self.tell(EventKind.AXIS_REFERENCED)
+            self.tell(exchange_events.AXIS_REFERENCED)
             return
         detail = "the drive does not say that it is homed: positions pass 1:1"
         if not self.reference.follows_homed_bit:
             detail = "it may not stand where its drive says any more: positions pass 1:1"
         if self.reference.waits_for_peers and self.reference.is_found:
             detail = "another axis of its group is not referenced: positions pass 1:1"
-        self.tell(EventKind.REFERENCE_LOST, detail)
+        self.tell(exchange_events.REFERENCE_LOST, detail)
 
     # --- where it is -----------------------------------------------------------------------------------
 
@@ -673,7 +675,7 @@ class Axis:
         """End the compensation until the gateway is started again: its registers mean something else now."""
         if self.reference.is_remapped:
             return
-        self.tell(EventKind.COMPENSATION_ENDED, REMAPPED)
+        self.tell(exchange_events.COMPENSATION_ENDED, REMAPPED)
         if self.beam is not None:
             self.beam.happens(BeamEvent.ENDED)
         self.reference.end()
@@ -736,7 +738,7 @@ class Axis:
         if offset or rest:
             what = f"the drive stood {offset:+.6g} {units} from the first setpoint, which stays in force"
             motion = f"; {rest:+.6g} {units} more cannot be a correction and were gone" if rest else ""
-            self.tell(EventKind.STREAM_BEGAN, f"{what} until the table has taken over{motion}")
+            self.tell(exchange_events.STREAM_BEGAN, f"{what} until the table has taken over{motion}")
 
     # --- silence ---------------------------------------------------------------------------------------
 
@@ -886,7 +888,7 @@ class Axis:
     def _note_branch_change(self, now_ns: int) -> None:
         if self.has_branches and self.hunting.note_change(now_ns):
             detail = f"its branch changed more than {MOST} times in 10 s"
-            self.tell(EventKind.BRANCH_HUNTS, detail)
+            self.tell(exchange_events.BRANCH_HUNTS, detail)
 
     def leave_unproven(self, rendering: Rendering, now_ns: int) -> None:
         """A target was sent and not acknowledged: the drive may hold it or not.
@@ -927,12 +929,14 @@ class Axis:
         ``is_own``: for its own sake, not because another axis of the group was blocked (M11).
         """
         if self.interlock.refuse(code, is_own=is_own):
-            self.tell(EventKind.AXIS_BLOCKED, why)
+            self.tell(exchange_events.AXIS_BLOCKED, why)
 
     def release_triggers(self, epoch: int) -> None:
         """A complete target was accepted; ``epoch``: when it was sent."""
         if self.interlock.complete(epoch):
-            self.tell(EventKind.AXIS_RELEASED, "a complete target was accepted: its triggers pass again")
+            self.tell(
+                exchange_events.AXIS_RELEASED, "a complete target was accepted: its triggers pass again"
+            )
 
     # --- a staged target that is written once more -----------------------------------------------------
 
@@ -946,7 +950,7 @@ class Axis:
         if told_ns is None or now_ns - told_ns >= RESTAGED_EVERY_NS:
             self.told_restaged_ns = now_ns
             detail = f"a staged target was written anew for its trigger; {count} on this line since the start"
-            self.tell(EventKind.RESTAGED, detail)
+            self.tell(exchange_events.RESTAGED, detail)
 
     def lose_restaged(self, rendering: Rendering, code: int, why: str) -> None:
         """A staged target that was written anew was not acknowledged."""
@@ -1159,7 +1163,7 @@ class Axis:
         assert self.record is not None
         self.record.decide(Fate.DROPPED)
         self.record.clear()
-        self.tell(EventKind.RECORD_NOT_USED, f"{reason}; it starts without its record")
+        self.tell(exchange_events.RECORD_NOT_USED, f"{reason}; it starts without its record")
         for peer in self.peers:
             if peer.is_recalling:
                 peer.drop_record(f"axis {self.plan.name} of its group starts without one")
@@ -1197,7 +1201,7 @@ class Axis:
         )
         is_open = "; whether it has gone there is not certain yet" if self.motion.is_distance_unproven else ""
         self.tell(
-            EventKind.RESTORED,
+            exchange_events.RESTORED,
             f"goes on from its record: nominal {position:.6g} {settings.units.value}, the drive at "
             f"{actual.counts:.10g} counts, {in_force.travel.direction.name.lower()}, progress of a reversal "
             f"{in_force.progress:.3g}, of a change-over {in_force.change:.3g}, generation "

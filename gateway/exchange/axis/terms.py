@@ -9,14 +9,16 @@ due (:meth:`Terms.is_due`); such a target takes the slow path.
 from collections.abc import Mapping
 from typing import Final
 
+from gateway.catalogue import exchange_events
 from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.blend import shape
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, with_line
 from gateway.compensation.errors import SettingsError
 from gateway.compensation.thermal import TermState, Thermal
 from gateway.exchange.axis.cross_term import CrossTerm, Partner
-from gateway.exchange.events import Event, EventKind
+from gateway.exchange.events import Event
 from gateway.exchange.plan import AxisPlan
+from gateway.status.axis import CrossStatus, TermsStatus, ThermalStatus
 from gateway.times import NS_PER_MS, NS_PER_S
 
 LOOK_NS: Final = 500 * NS_PER_MS
@@ -26,10 +28,10 @@ ROUNDING: Final = 1e-9
 FITS_AGAIN_NS: Final = 60 * NS_PER_S
 """So long a line has to fit before it is told again that it does not: a sensor trembles about the limit."""
 _SAID: Final = {
-    TermState.FOLLOWING: EventKind.TERM_FOLLOWS,
-    TermState.HELD: EventKind.TERM_HELD,
-    TermState.FADING: EventKind.TERM_FADES,
-    TermState.FADED: EventKind.TERM_FADES,
+    TermState.FOLLOWING: exchange_events.TERM_FOLLOWS,
+    TermState.HELD: exchange_events.TERM_HELD,
+    TermState.FADING: exchange_events.TERM_FADES,
+    TermState.FADED: exchange_events.TERM_FADES,
 }
 _SILENT: Final = frozenset({TermState.HELD, TermState.FADING, TermState.FADED})
 
@@ -207,7 +209,7 @@ class Terms:
             said = self._said.get(kind, TermState.WAITING)
             if state is TermState.WAITING and kind == "thermal" and self._is_missed(now_ns):
                 detail = "no temperature has been heard since the start: nothing is added"
-                found.append(Event(EventKind.TERM_HELD, name, detail, (("term", kind),)))
+                found.append(Event(exchange_events.TERM_HELD, name, detail, (("term", kind),)))
             if state is not said:
                 self._said[kind] = state
                 event = _SAID.get(state)
@@ -219,7 +221,7 @@ class Terms:
             self._told_too_large_ns = now_ns
             if told_ns is None:
                 detail = "with the table it would come to more than max_correction; it does not follow"
-                found.append(Event(EventKind.TERM_TOO_LARGE, name, detail))
+                found.append(Event(exchange_events.TERM_TOO_LARGE, name, detail))
         elif told_ns is not None and now_ns - told_ns > FITS_AGAIN_NS:
             self._told_too_large_ns = None
         return found
@@ -243,28 +245,28 @@ class Terms:
             states["cross"] = self.cross_state(now_ns)
         return states
 
-    def status(self, compensation: AxisCompensation, now_ns: int) -> dict[str, object]:
+    def status(self, compensation: AxisCompensation, now_ns: int) -> TermsStatus:
         """Return its part of the status model. Corrections are in units, in force at the last target."""
         of_thermal, of_cross = self._in_force(compensation)
         total = None if of_thermal is None or of_cross is None else of_thermal + of_cross
-        found: dict[str, object] = {"correction": total, "is_too_large": self.is_too_large}
+        found = TermsStatus(correction=total, is_too_large=self.is_too_large)
         thermal = self.thermal
         if thermal is not None:
             state = thermal.state(now_ns)
-            found["thermal"] = {
-                "state": state.value,
-                "celsius": thermal.celsius,
-                "age_s": thermal.age_s(now_ns),
-                "difference": thermal.difference_at(now_ns),
-                "correction": of_thermal,
-                "is_silent": self._was_missed if state is TermState.WAITING else state in _SILENT,
-            }
+            found.thermal = ThermalStatus(
+                state=state.value,
+                celsius=thermal.celsius,
+                age_s=thermal.age_s(now_ns),
+                difference=thermal.difference_at(now_ns),
+                correction=of_thermal,
+                is_silent=self._was_missed if state is TermState.WAITING else state in _SILENT,
+            )
         if self.crosses:
-            found["cross"] = {
-                "state": self.cross_state(now_ns).value,
-                "axes": [cross.axis for cross in self.crosses],
-                "correction": of_cross,
-            }
+            found.cross = CrossStatus(
+                state=self.cross_state(now_ns).value,
+                axes=[cross.axis for cross in self.crosses],
+                correction=of_cross,
+            )
         return found
 
     def _in_force(self, compensation: AxisCompensation) -> tuple[float, float] | tuple[None, None]:

@@ -13,7 +13,7 @@ hears of it (:class:`ForwardingLine`).
 from collections import deque
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through.delay import (
@@ -36,6 +36,7 @@ from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import FastPath, Phase, Transaction
 from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
 from gateway.modbus.rtu_line import pause_ns
+from gateway.status.line import CutThroughStatus, Forwarded
 from gateway.times import NS_PER_MS, NS_PER_US
 
 SPOILT_SILENCES: Final = 3
@@ -90,19 +91,19 @@ class Totals:
         self.gain_ns = 0
         """How much sooner all that were cut through began to leave than they were whole."""
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> Forwarded:
         """Return what the status says: cut through, stored or spoilt, and why."""
         whole = self.ended[CutEvent.COMMITTED]
-        return {
-            "cut_through": whole,
-            "gain_us": round(self.gain_ns / whole / NS_PER_US) if whole else None,
-            "stored": {event.value: number for event, number in self.stored.items() if number},
-            "spoilt": {
+        return Forwarded(
+            cut_through=whole,
+            gain_us=round(self.gain_ns / whole / NS_PER_US) if whole else None,
+            stored={event.value: number for event, number in self.stored.items() if number},
+            spoilt={
                 event.value: number - self.stored[event]
                 for event, number in self.ended.items()
                 if event is not CutEvent.COMMITTED and number > self.stored[event]
             },
-        }
+        )
 
 
 class Forwarding:
@@ -239,13 +240,11 @@ class Forwarding:
             f"ms after its first bytes came, and is whole after {whole_ms:.2f} ms"
         )
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> CutThroughStatus:
         """Return what became of requests and replies since the start."""
-        return {
-            "requests": self.requests.status(),
-            "replies": self.replies.status(),
-            "torn": self.underruns,
-        }
+        return CutThroughStatus(
+            requests=self.requests.status(), replies=self.replies.status(), torn=self.underruns
+        )
 
 
 class Forwarder:

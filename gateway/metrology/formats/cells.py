@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compensation.units import Units
-from gateway.metrology.circumstances import STATED
-from gateway.tabfile.csv_text import GROUPED, split_cells
+from gateway.metrology.readings import STATED
+from gateway.tabfile.csv_text import GROUPED, MAX_PROBLEMS, split_cells
 from gateway.tabfile.errors import Problem, TabFileError
 from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal
 
@@ -34,7 +34,6 @@ SMALL_UNITS: Final = {
     "arcsec": (Units.DEGREE, 1 / 3600),
 }
 """Units of deviations only, with what one is in units of the positions."""
-MAX_PROBLEMS: Final = 20
 NO_COMMA: Final = f"{DECIMAL_ALLOWED}: replace the commas, or set the program so that saves it"
 
 
@@ -56,6 +55,12 @@ def heading_of(source: SourceText) -> tuple[Line, str] | None:
             separator = next((each for each in SEPARATORS if each in line.text), None)
             return None if separator is None else (line, separator)
     return None
+
+
+def heading_words(source: SourceText) -> list[tuple[str, ...]]:
+    """Return the words of each name in the heading; empty where there is none."""
+    found = heading_of(source)
+    return [words(cell) for cell in found[0].text.split(found[1])] if found else []
 
 
 def sheet_of(source: SourceText, allowed: str) -> Sheet:

@@ -25,7 +25,7 @@ from gateway.compensation.direction import Direction
 from gateway.metrology.formats.cells import (
     Sheet,
     decimal,
-    heading_of,
+    heading_words,
     sheet_of,
     unit_of,
     units_of,
@@ -58,8 +58,7 @@ WARMEST_C: Final = 80.0
 
 def recognise(source: SourceText) -> bool:
     """Whether the heading has a target and a direction or a reading."""
-    found = heading_of(source)
-    cells = [words(cell) for cell in found[0].text.split(found[1])] if found else []
+    cells = heading_words(source)
     names = {name for cell in cells for name in cell}
     # "run 1" is one of several columns.
     is_listed = "direction" in names or ("run",) in cells

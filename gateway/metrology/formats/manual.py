@@ -21,7 +21,7 @@ from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
-from gateway.metrology.formats.cells import Sheet, decimal, heading_of, sheet_of, unit_of, units_of, words
+from gateway.metrology.formats.cells import Sheet, decimal, heading_words, sheet_of, unit_of, units_of, words
 from gateway.metrology.formats.context import ReadingsContext, settled_axis, settled_units
 from gateway.metrology.formats.rows import TOGETHER, Row, to_survey
 from gateway.metrology.readings import Survey
@@ -35,8 +35,7 @@ _COLUMNS: Final = ("dro", "measured", "correction", "count")
 
 def recognise(source: SourceText) -> bool:
     """Whether the heading has a DRO in it, and no directions."""
-    found = heading_of(source)
-    cells = [words(cell) for cell in found[0].text.split(found[1])] if found else []
+    cells = heading_words(source)
     names = {name for cell in cells for name in cell}
     return "dro" in names and "direction" not in names and ("run",) not in cells
 

@@ -1,12 +1,10 @@
-"""All drives that are simulated by name. A new one is one file and one entry in :data:`DRIVES`."""
+"""All drives that are simulated by name. A new one is a class and one entry in :data:`DRIVES`."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from gateway.simulator.drives.applied_motion_16 import AppliedMotion16
-from gateway.simulator.drives.applied_motion_32 import AppliedMotion32
+from gateway.simulator.drives.applied_motion import AppliedMotion16, AppliedMotion32
 from gateway.simulator.drives.delta_asda import DeltaAsda
-from gateway.simulator.drives.endpoint import MotorDrive
 from gateway.simulator.drives.festo_cmmo_fhpp import FestoCmmoFhpp
 from gateway.simulator.drives.festo_cmmt_111 import FestoCmmt111
 from gateway.simulator.drives.iai_robo_cylinder import IaiRoboCylinder
@@ -14,11 +12,10 @@ from gateway.simulator.drives.igus_dryve_d1 import IgusDryveD1
 from gateway.simulator.drives.jmc_rc import JmcRc
 from gateway.simulator.drives.kinco_fd import KincoFd
 from gateway.simulator.drives.kollmorgen_akd2g import KollmorgenAkd2g
-from gateway.simulator.drives.leadshine_el7 import LeadshineEl7
-from gateway.simulator.drives.leadshine_pr import LeadshinePr
+from gateway.simulator.drives.leadshine import LeadshineEl7, LeadshinePr
 from gateway.simulator.drives.makerbase_servo42d import MakerbaseServo42d
 from gateway.simulator.drives.mitsubishi_mr_je_c import MitsubishiMrJeC
-from gateway.simulator.drives.motor import Motor
+from gateway.simulator.drives.motor_drive import Motor, MotorDrive
 from gateway.simulator.drives.oriental_az import OrientalAz
 from gateway.simulator.drives.oriental_blv_r import OrientalBlvR
 from gateway.simulator.drives.smc_lec import SmcLec

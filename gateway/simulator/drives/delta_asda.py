@@ -12,8 +12,7 @@ that a drive needs between target and trigger, EEPROM wear, paths above 49.
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, Order, bits_of
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, Order, bits_of
 from gateway.simulator.server import RefusedError
 
 ALARM: Final = 0x0002
@@ -92,16 +91,13 @@ class DeltaAsda(MotorDrive):
         return super().refusal(request, code)
 
     def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
         return address >> 8 <= LAST_GROUP and (address & 0xFF) + count - 1 <= LAST_REGISTER
 
     def before_write(self, address: int, count: int, now_s: float) -> None:
-        """See :class:`RegisterServer`."""
         if MONITORS & set(range(address, address + count)):
             raise RefusedError(READ_ONLY)
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         self.put32(ACTUAL, motor.actual_counts)
         self.put32(ABSOLUTE_POSITION, motor.actual_counts)
@@ -123,7 +119,6 @@ class DeltaAsda(MotorDrive):
             self.image.set_word(TRIGGER, (RUNNING if motor.is_moving else DONE) + self._path)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         builds = BUILD_ORIGIN in before and self.image.word(BUILD_ORIGIN) == 1
         if builds and self.image.word(LOCK) == UNLOCKED:
             self.motor.set_position(0, now_s)

@@ -12,9 +12,8 @@ selection and jogging are noted), teaching, FPC parameters, velocity and force m
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of
-from gateway.simulator.drives.motor import Basis, Motor
-from gateway.simulator.image import RegisterImage
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of
+from gateway.simulator.server import RegisterImage
 
 CONTROL: Final = 0
 DIRECTION: Final = 1
@@ -40,21 +39,18 @@ class FestoCmmoFhpp(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 7, 16, 23})
+    known = ((0, WORDS - 1),)
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         super().__init__(unit_id, motors)
         self._state = RegisterImage(WORDS)
 
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return address + count <= WORDS
-
     def read_words(self, address: int, count: int) -> bytes:
-        """See :class:`RegisterServer`: the state, which lies at the same addresses."""
+        """The state, which lies at the same addresses."""
         return self._state.words(address, count)
 
     def show(self) -> None:
-        """See :class:`MotorDrive`. SCON and SPOS share a register, SDIR and the velocity another one."""
+        """SCON and SPOS share a register, SDIR and the velocity another one."""
         motor = self.motor
         word = self.image.word(CONTROL)
         enabled = bool(word & ENABLE) and not motor.has_alarm
@@ -74,7 +70,6 @@ class FestoCmmoFhpp(MotorDrive):
         self._state.set_word(SETPOINT + 1, motor.actual_counts)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if CONTROL not in before:
             return
         word, was = self.image.word(CONTROL), before[CONTROL]

@@ -13,8 +13,7 @@ POS_STW1 tell from positions, are noted. Not simulated: the watchdog of register
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, Order, bits_of, within
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, Order, bits_of
 from gateway.simulator.server import ILLEGAL_VALUE, check
 
 STW1: Final = 0
@@ -50,6 +49,7 @@ class FestoCmmt111(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16, 43})
+    known = KNOWN
     order = Order.LOW_FIRST
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
@@ -65,12 +65,7 @@ class FestoCmmt111(MotorDrive):
         objects = b"".join(bytes((i, len(text))) + text for i, text in enumerate(IDENTIFICATION))
         return READ_IDENTIFICATION + bytes((pdu[2], 1, 0, 0, len(IDENTIFICATION))) + objects
 
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
-
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         enabled = self.image.word(STW1) & ON_BITS == ON_BITS and not motor.has_alarm
         state = bits_of(
@@ -89,7 +84,6 @@ class FestoCmmt111(MotorDrive):
         self.image.set_word(FAULT_CODE, int(motor.has_alarm))
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if POS_STW2 in before and self.image.word(POS_STW2) & REFERENCE_POINT & ~before[POS_STW2]:
             self.motor.set_position(0, now_s)
         word = self.image.word(STW1)

@@ -11,8 +11,7 @@ operation of the start coils.
 
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of, within
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, bits_of, within
 
 POSITION_TABLE: Final = 0x1000
 TABLE_STRIDE: Final = 16
@@ -56,19 +55,16 @@ class IaiRoboCylinder(MotorDrive):
     """See the module."""
 
     functions = frozenset({1, 3, 5, 6, 16})
+    known = KNOWN
     _rest: int | None = None
     """Where a move goes that is paused."""
 
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
-
     def has_bits(self, function: int, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`: the coils at 0x0100 can only be read."""
+        """The coils at 0x0100 can only be read."""
         return within(address, count, KNOWN_COILS if function == 1 else KNOWN_COILS[1:])
 
     def show(self) -> None:
-        """See :class:`MotorDrive`. Coil n of a group is bit 15 - n of its register."""
+        """Coil n of a group is bit 15 - n of its register."""
         motor = self.motor
         self.put32(POSITION, motor.actual_counts)
         self.image.set_word(ALARM, int(motor.has_alarm))
@@ -88,7 +84,6 @@ class IaiRoboCylinder(MotorDrive):
             self.image.set_coil(coils + 15 - bit, bool(state >> bit & 1))
 
     def coil_written(self, address: int, *, before: bool, on: bool, now_s: float) -> None:
-        """See :class:`RegisterServer`."""
         if before == on:
             return
         motor = self.motor
@@ -137,7 +132,6 @@ class IaiRoboCylinder(MotorDrive):
         return self.image.coil(SERVO_ON) and not self.image.coil(PAUSE)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         for register, coils in ((DEVICE_CONTROL, COMMAND_COILS), (DEVICE_CONTROL_2, COMMAND_COILS_2)):
             if register in before:
                 self._device_control(coils, self.image.word(register), now_s)

@@ -14,9 +14,18 @@ from collections.abc import Sequence
 from struct import unpack_from
 from typing import Final
 
-from gateway.simulator.drives.device_control import RELATIVE, DeviceControl, Order402
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.cia402 import (
+    ACTUAL,
+    CONTROL,
+    METHOD,
+    MODE,
+    MODE_SHOWN,
+    POSITION_MODE,
+    STATUS,
+    TARGET,
+    Drive402,
+)
+from gateway.simulator.drives.motor_drive import Motor
 from gateway.simulator.ledger import WriteRecord
 from gateway.simulator.server import ILLEGAL_ADDRESS, ILLEGAL_VALUE, check
 
@@ -24,19 +33,10 @@ MEI: Final = 0x0D
 HEAD: Final = 12
 READ: Final = 0
 WRITE: Final = 1
-CONTROL: Final = 0x6040
-STATUS: Final = 0x6041
-MODE: Final = 0x6060
-MODE_SHOWN: Final = 0x6061
-ACTUAL: Final = 0x6064
-TARGET: Final = 0x607A
 SPEED: Final = 0x60FF
-POSITION_MODE: Final = 1
-SPEED_MODE: Final = 3
-HOME_MODE: Final = 6
 SIZES: Final = {
     **dict.fromkeys(((CONTROL, 0), (STATUS, 0)), 2),
-    **dict.fromkeys(((MODE, 0), (MODE_SHOWN, 0), (0x6098, 0)), 1),
+    **dict.fromkeys(((MODE, 0), (MODE_SHOWN, 0), (METHOD, 0)), 1),
     **dict.fromkeys(
         ((index, 0) for index in (ACTUAL, TARGET, 0x607C, 0x6081, 0x6083, 0x6084, 0x609A, SPEED)), 4
     ),
@@ -45,15 +45,15 @@ SIZES: Final = {
 WRITABLE: Final = SIZES.keys() - {(STATUS, 0), (MODE_SHOWN, 0), (ACTUAL, 0)}
 
 
-class IgusDryveD1(MotorDrive):
+class IgusDryveD1(Drive402):
     """See the module. Writes are recorded with the object's index as their address."""
 
     functions = frozenset({43})
+    run_objects = frozenset({SPEED})
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         super().__init__(unit_id, motors)
         self._handlers[43] = self._transfer
-        self._control = DeviceControl(steps=True)
         self._objects = {key: bytes(size) for key, size in SIZES.items()}
         self._put(MODE, POSITION_MODE)
 
@@ -69,50 +69,17 @@ class IgusDryveD1(MotorDrive):
         check((index, sub) in WRITABLE, ILLEGAL_ADDRESS)
         self.ledger.writes.append(WriteRecord(self.unit_id, 43, index, pdu[HEAD:], now_s))
         self._objects[index, sub] = pdu[HEAD:]
-        if index == CONTROL:
-            self._command(self._get(CONTROL), now_s)
-        if index == SPEED and self._get(MODE) == SPEED_MODE and self._control.is_enabled:
-            self.motor.other()
-        self.show()
+        self.objects_written([index], now_s)
         return pdu[: HEAD - 1] + b"\x00"
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
-        motor, control = self.motor, self._control
-        self._put(ACTUAL, motor.actual_counts)
+        self._put(ACTUAL, self.motor.actual_counts)
         self._objects[MODE_SHOWN, 0] = self._objects[MODE, 0]
-        is_home = self._get(MODE) == HOME_MODE
-        state = bits_of(
-            b3=motor.has_alarm,
-            b9=True,
-            b10=motor.is_done,
-            b12=motor.is_homed and motor.is_done if is_home else control.has_acknowledged,
-        )
-        self._put(STATUS, control.state.value | state)
+        self._put(STATUS, self.status())
 
-    def _get(self, index: int) -> int:
+    def number(self, index: int) -> int:
         return int.from_bytes(self._objects[index, 0], "little", signed=index in (TARGET, ACTUAL, MODE))
 
     def _put(self, index: int, value: int) -> None:
         size = SIZES[index, 0]
         self._objects[index, 0] = (value & ((1 << 8 * size) - 1)).to_bytes(size, "little")
-
-    def _command(self, word: int, now_s: float) -> None:
-        match self._control.write(word):
-            case Order402.FAULT_RESET:
-                self.motor.mechanics.alarm = False
-            case Order402.STOP:
-                self.motor.stop(now_s)
-            case Order402.START:
-                self._start(word, now_s)
-
-    def _start(self, word: int, now_s: float) -> None:
-        mode = self._get(MODE)
-        if mode == HOME_MODE:
-            self.motor.home(now_s)
-        elif mode != POSITION_MODE:
-            self.motor.other()
-        elif word & RELATIVE:
-            self.motor.relative(self._get(TARGET), Basis.COMMANDED, now_s)
-        else:
-            self.motor.absolute(self._get(TARGET), now_s)

@@ -12,9 +12,8 @@ stored positions, limits.
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.device_control import RELATIVE, DeviceControl, Order402
-from gateway.simulator.drives.endpoint import MotorDrive, Order, bits_of, within
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.cia402 import POSITION_MODE, Drive402
+from gateway.simulator.drives.motor_drive import Motor, Order, bits_of
 
 CONTROL: Final = 0x3100
 STATUS: Final = 0x3200
@@ -22,8 +21,6 @@ MODE: Final = 0x3500
 ACTUAL: Final = 0x3700
 TARGET: Final = 0x4000
 FOLLOW: Final = 0x1000
-POSITION_MODE: Final = 1
-HOME_MODE: Final = 6
 OTHER_MODES: Final = frozenset({3, 4, 7, 0xFFFC, 0xFFFD})
 """Speed, torque, interpolated; pulses, speed at once."""
 OBJECTS: Final = (
@@ -35,71 +32,53 @@ KNOWN: Final = tuple((address, address + 1) for address in OBJECTS)
 ERROR_FUNCTIONS: Final = {3: 0x81, 6: 0x86, 16: 0x90}
 
 
-class KincoFd(MotorDrive):
+class KincoFd(Drive402):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
+    known = KNOWN
     order = Order.LOW_FIRST
+    steps = False
+    mode_at = MODE
+    target_at = TARGET
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         super().__init__(unit_id, motors)
-        self._control = DeviceControl(steps=False)
         self.image.set_word(MODE, POSITION_MODE)
 
     def refusal(self, request: bytes, code: int) -> bytes | None:
         """Return an error reply, whose function byte for FC03 is 0x81."""
         return bytes((ERROR_FUNCTIONS.get(request[0], request[0] | 0x80), code))
 
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
-
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         self.put32(ACTUAL, motor.actual_counts)
-        enabled = self._control.is_enabled
+        enabled = self.control.is_enabled
         state = bits_of(
             b0=enabled,
             b1=enabled,
             b2=enabled,
             b3=motor.has_alarm,
             b10=motor.is_done,
-            b12=self._control.has_acknowledged,
+            b12=self.control.has_acknowledged,
             b14=enabled,
             b15=motor.is_homed,
         )
         self.image.set_word(STATUS, state)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if ACTUAL in before or ACTUAL + 1 in before:
             self.motor.set_position(self.get32(ACTUAL), now_s)
-        started = CONTROL in before and self._command(self.image.word(CONTROL), now_s)
-        follows = self._control.is_enabled and self._control.word & FOLLOW
+        started = CONTROL in before and self.command(self.image.word(CONTROL), now_s)
+        follows = self.control.is_enabled and self.control.word & FOLLOW
         if follows and not started and {TARGET, TARGET + 1} & before.keys():
             self.motor.absolute(self.get32(TARGET), now_s)
 
-    def _command(self, word: int, now_s: float) -> bool:
-        match self._control.write(word):
-            case Order402.FAULT_RESET:
-                self.motor.mechanics.alarm = False
-            case Order402.STOP:
-                self.motor.stop(now_s)
-            case Order402.START:
-                self._start(word, now_s)
-                return True
-        return False
+    def number(self, index: int) -> int:
+        return self.get32(index) if index == TARGET else self.image.word(index)
 
-    def _start(self, word: int, now_s: float) -> None:
-        mode = self.image.word(MODE)
-        if mode == HOME_MODE:
-            self.motor.home(now_s)
-        elif mode in OTHER_MODES:
+    def start_in(self, mode: int, now_s: float) -> None:
+        if mode in OTHER_MODES:
             self.motor.other()
-        elif mode != POSITION_MODE:
-            self.unheard_of(MODE, mode)
-        elif word & RELATIVE:
-            self.motor.relative(self.get32(TARGET), Basis.COMMANDED, now_s)
         else:
-            self.motor.absolute(self.get32(TARGET), now_s)
+            self.unheard_of(MODE, mode)

@@ -14,8 +14,7 @@ other motion tasks and what starts them, throttling.
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of
 from gateway.simulator.server import RefusedError
 
 POSITION: Final = 0
@@ -52,18 +51,14 @@ class KollmorgenAkd2g(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
+    known = ((0, LAST_REGISTER),)
     most_motors = 2
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         super().__init__(unit_id, motors)
         self.error_mode = 1
 
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return address + count - 1 <= LAST_REGISTER
-
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         for index, motor in enumerate(self.axes):
             base = AXIS_STRIDE * index
             self.put32(base + POSITION, motor.actual_counts)

@@ -13,8 +13,7 @@ sources leave open, and speed mode turn nothing; settings.
 from struct import pack, unpack
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive
 from gateway.simulator.server import ILLEGAL_ADDRESS, ILLEGAL_VALUE, RefusedError
 
 CARRY: Final = 0x0030
@@ -63,18 +62,17 @@ class MakerbaseServo42d(MotorDrive):
         return None
 
     def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
         return READINGS.get(address) == count or address in LENGTHS
 
     def before_write(self, address: int, count: int, now_s: float) -> None:
-        """See :class:`RegisterServer`: an opcode comes with all of its data and nothing else."""
+        """An opcode comes with all of its data and nothing else."""
         if address not in LENGTHS:
             raise RefusedError(ILLEGAL_ADDRESS)
         if count != LENGTHS[address]:
             raise RefusedError(ILLEGAL_VALUE)
 
     def read_words(self, address: int, count: int) -> bytes:
-        """See :class:`RegisterServer`: opcodes cannot be read, and each reading stands for itself."""
+        """Opcodes cannot be read, and each reading stands for itself."""
         if address not in READINGS:
             raise RefusedError(ILLEGAL_ADDRESS)
         counts = self.motor.actual_counts

@@ -13,8 +13,7 @@ orders of words and bytes, SSTART's place in a chain of data (it runs No. 0).
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of, signed
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of, signed
 from gateway.simulator.server import EXECUTION_FAILED, RefusedError
 
 DATA: Final = 0x0058
@@ -81,7 +80,6 @@ class OrientalAz(MotorDrive):
         self.suppresses_slave_errors = False
 
     def answer(self, pdu: bytes, now_s: float) -> bytes | None:
-        """See :class:`RegisterServer`."""
         reply = super().answer(pdu, now_s)
         if self.suppresses_slave_errors and reply == bytes((pdu[0] | 0x80, EXECUTION_FAILED)):
             return pdu[:5]
@@ -92,12 +90,10 @@ class OrientalAz(MotorDrive):
         return WAIT_S
 
     def before_write(self, address: int, count: int, now_s: float) -> None:
-        """See :class:`RegisterServer`."""
         if self.is_busy:
             raise RefusedError(EXECUTION_FAILED)
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         for address in (COMMANDED, COMMANDED_MIRROR, ACTUAL, ACTUAL_MIRROR):
             self.put32(address, motor.actual_counts)

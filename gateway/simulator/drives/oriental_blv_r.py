@@ -13,8 +13,7 @@ by itself. Not simulated: group addresses with ID share.
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import bits_of
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, bits_of
 from gateway.simulator.drives.oriental_az import (
     ALARM_RESET,
     ALL_DATA,
@@ -69,17 +68,14 @@ class OrientalBlvR(OrientalAz):
 
     @property
     def is_excited(self) -> bool:
-        """See :class:`OrientalAz`."""
         word = self.image.word(INPUT) | self.image.word(SECOND_INPUT)
         return bool(word & S_ON) and not word & FREE
 
     def trigger(self) -> int:
-        """See :class:`OrientalAz`."""
         trigger = trigger_of_low_word(self.image.word(TRIGGER + 1))
         return ALL_DATA if ALL_DATA <= trigger <= LAST_START else trigger
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         repeated = before.get(TRIGGER + 1) == self.image.word(TRIGGER + 1) != NEVER
         if repeated and not self.get32(TRIGGER_CLEARS):
             before = {address: word for address, word in before.items() if address != TRIGGER + 1}
@@ -92,7 +88,6 @@ class OrientalBlvR(OrientalAz):
         super().written(before, now_s)
 
     def inputs(self, word: int, before: int, now_s: float) -> None:
-        """See :class:`OrientalAz`."""
         risen = word & ~before
         if risen & ALARM_RESET:
             self.motor.mechanics.alarm = False
@@ -114,19 +109,16 @@ class OrientalBlvR(OrientalAz):
             self.motor.stop(now_s)
 
     def run(self, operation_type: int, position: int, now_s: float) -> None:
-        """See :class:`OrientalAz`."""
         if operation_type in STOP_TYPES:
             self.motor.stop(now_s)
         else:
             super().run(operation_type, position, now_s)
 
     def consume_trigger(self, before: dict[int, int]) -> None:
-        """See :class:`OrientalAz`."""
         if self.get32(TRIGGER_CLEARS):
             super().consume_trigger(before)
 
     def show_outputs(self) -> None:
-        """See :class:`OrientalAz`."""
         motor = self.motor
         state = bits_of(
             b0=self.is_excited,

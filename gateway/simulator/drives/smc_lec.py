@@ -11,8 +11,7 @@ is noted. DRIVE runs the step of the controller's own data that IN0 to IN5 name.
 
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, within
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, within
 
 STEP_NUMBER: Final = range(0x10, 0x16)
 """IN0 to IN5."""
@@ -49,17 +48,13 @@ class SmcLec(MotorDrive):
     """See the module."""
 
     functions = frozenset({1, 2, 3, 5, 8, 15, 16})
-
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
+    known = KNOWN
 
     def has_bits(self, function: int, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`: coils end where the inputs begin."""
+        """Coils end where the inputs begin."""
         return within(address, count, KNOWN_BITS)
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         self.put32(POSITION, motor.actual_counts)
         self.put32(PRESENT_TARGET, motor.target_counts)
@@ -70,7 +65,6 @@ class SmcLec(MotorDrive):
         self.image.set_coil(ALARM, motor.has_alarm)
 
     def coil_written(self, address: int, *, before: bool, on: bool, now_s: float) -> None:
-        """See :class:`RegisterServer`."""
         if before == on:
             return
         if address == RESET and on:
@@ -92,7 +86,6 @@ class SmcLec(MotorDrive):
         self.show()
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if START not in before or not self.image.word(START):
             return
         if self.image.word(START) != RUN:

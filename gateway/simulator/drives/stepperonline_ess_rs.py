@@ -9,8 +9,7 @@ ignored. Not simulated: segments started by inputs, speeds, limits.
 
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, Order, bits_of, within
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, Order, bits_of
 from gateway.simulator.server import RefusedError
 
 ALARM: Final = 0x0006
@@ -40,14 +39,11 @@ class StepperonlineEssRs(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
+    known = KNOWN
     max_read = 16
 
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
-
     def show(self) -> None:
-        """See :class:`MotorDrive`. Commands can only be written."""
+        """Commands can only be written."""
         motor = self.motor
         self.order = Order.LOW_FIRST if self.image.word(WORD_ORDER) else Order.HIGH_FIRST
         self.put32(POSITION, motor.actual_counts)
@@ -58,7 +54,6 @@ class StepperonlineEssRs(MotorDrive):
         self.image.set_word(AUXILIARY, 0)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if AUXILIARY in before:
             self._auxiliary(self.image.word(AUXILIARY), now_s)
         if TRIGGER in before:

@@ -11,8 +11,7 @@ auxiliary register takes one command at a time. Not simulated: jog, speeds, stor
 
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of, within
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, bits_of
 from gateway.simulator.server import EXECUTION_FAILED, RefusedError
 
 STATUS: Final = 4
@@ -40,24 +39,19 @@ class TlR(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
-
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
+    known = KNOWN
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         self.put32(POSITION, motor.actual_counts)
         state = bits_of(b0=motor.is_done, b1=motor.is_homed, b2=motor.is_moving, b3=motor.has_alarm, b4=False)
         self.image.set_word(STATUS, state)
 
     def write_words(self, address: int, data: bytes, now_s: float) -> None:
-        """See :class:`MotorDrive`: what is too long is cut off."""
+        """What is too long is cut off."""
         super().write_words(address, data[: 2 * TAKEN_REGISTERS], now_s)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if AUXILIARY in before:
             self._auxiliary(self.image.word(AUXILIARY), now_s)
         if CONTROL in before:

@@ -4,7 +4,7 @@ import contextlib
 import time
 from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
@@ -15,6 +15,7 @@ from starlette.routing import Route
 from gateway.catalogue.publishing_events import HTTP_FAILED
 from gateway.catalogue.troubles import TROUBLES
 from gateway.limits import Reports
+from gateway.status.model import Model
 from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, raw_json, shortened
 from gateway.supervisor.http.curves import Tables
 from gateway.supervisor.http.documents import Frames, Histories, PageFile, Window, read_page
@@ -128,10 +129,10 @@ class Served:
             return problem(503, "not well; whoever shows a token is told why")
         if reasons or model is None:
             return json_answer({"problems": reasons}, 503)
-        state = model["verdict"]["state"]
+        state = model.verdict.state
         lines = ["ok" if state == State.HEALTHY.value else state]
         if not is_stranger(request):
-            lines += [f"{each['severity']}: {each['where']}: {each['what']}" for each in model["troubles"]]
+            lines += [f"{each.severity}: {each.where}: {each.what}" for each in model.troubles]
         return PlainTextResponse("".join(f"{line}\n" for line in lines), headers=NO_STORE)
 
     async def _metrics_page(self, request: Request) -> Response:
@@ -187,8 +188,8 @@ def is_stranger(request: Request) -> bool:
     return getattr(request.state, "visitor", ...) is None
 
 
-def why_unhealthy(model: Mapping[str, Any] | None) -> list[str]:
+def why_unhealthy(model: Model | None) -> list[str]:
     """Return why commands do not reach some drive, a sentence each; nothing where they do."""
-    if model is None or (model["gateway"]["relay"] == "up" and model["gateway"]["snapshot_age_s"] is None):
+    if model is None or (model.gateway.relay == "up" and model.gateway.snapshot_age_s is None):
         return [NOTHING_YET]
-    return [f"{t['where']}: {t['what']}" for t in model["troubles"] if TROUBLES[t["kind"]].cuts_off]
+    return [f"{each.where}: {each.what}" for each in model.troubles if TROUBLES[each.kind].cuts_off]

@@ -3,7 +3,7 @@
 import asyncio
 import math
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from html import escape
@@ -20,6 +20,7 @@ from gateway.compensation.table import CorrectionTable
 from gateway.files import FileRefusedError
 from gateway.state.folder import read_state
 from gateway.state.tables import WrongTableError, checked, table_path
+from gateway.status.axis import AxisStatus, Shares
 from gateway.supervisor.http.answers import JSON, json_bytes, not_there, problem, shortened
 from gateway.supervisor.http.documents import Window
 
@@ -53,7 +54,7 @@ class Curve:
         return len(self.positions) == self.table_points
 
 
-def read_curve(state: Path, digest: str, axis: Mapping[str, Any], settings: AxisSettings, most: int) -> Curve:
+def read_curve(state: Path, digest: str, axis: AxisStatus, settings: AxisSettings, most: int) -> Curve:
     """Return at most ``most`` points of the compiled table ``digest``; blocks.
 
     ``axis`` is the part of the status model, which says what gain is in force.
@@ -67,15 +68,15 @@ def read_curve(state: Path, digest: str, axis: Mapping[str, Any], settings: Axis
     except (FileRefusedError, WrongTableError, TableError, SettingsError) as error:
         raise NoCurveError(f"compiled table {digest}: {error}") from error
     assert in_force is not None, "a table makes a curve"
-    return _curve(in_force.table, axis["gain"], settings.machine_offset, most)
+    return _curve(in_force.table, axis.gain, settings.machine_offset, most)
 
 
-def _curve(table: CorrectionTable, gain: Mapping[str, float], machine_offset: float, most: int) -> Curve:
+def _curve(table: CorrectionTable, gain: Shares, machine_offset: float, most: int) -> Curve:
     indexes = tuple(thinned(table, max(FEWEST, most)))
     return Curve(
         positions=tuple(round(table.positions[i] - machine_offset, DECIMALS) for i in indexes),
-        forward=_scaled(table.forward, indexes, gain["forward"]),
-        backward=_scaled(table.backward, indexes, gain["backward"]),
+        forward=_scaled(table.forward, indexes, gain.forward),
+        backward=_scaled(table.backward, indexes, gain.backward),
         indexes=indexes,
         table_points=len(table.positions),
     )
@@ -108,16 +109,16 @@ def thinned(table: CorrectionTable, most: int) -> Iterator[int]:
 
 
 def curve_as_data(
-    name: str, axis: Mapping[str, Any], digest: str, settings: AxisSettings, curve: Curve
+    name: str, axis: AxisStatus, digest: str, settings: AxisSettings, curve: Curve
 ) -> dict[str, Any]:
     """Return a curve as ``/tables/NAME`` shows it."""
     offset = settings.machine_offset
     return {
         "axis": name,
-        "units": axis["units"],
-        "file": axis["table"]["file"],
+        "units": axis.units,
+        "file": axis.table.file,
         "digest": digest,
-        "gain": axis["gain"],
+        "gain": axis.gain,
         "machine_offset": offset,
         "travel": None if settings.travel is None else [round(p - offset, DECIMALS) for p in settings.travel],
         "modulo": settings.modulo or None,
@@ -162,19 +163,19 @@ def ticks(low: float, high: float, about: int) -> list[float]:
     return [round(n * step, 12) for n in range(first, last + 1)]
 
 
-def drawing(name: str, axis: Mapping[str, Any], curve: Curve) -> str:
+def drawing(name: str, axis: AxisStatus, curve: Curve) -> str:
     """Return an SVG document."""
-    unit, per_unit = FINE.get(axis["units"], (axis["units"], 1.0))
+    unit, per_unit = FINE.get(axis.units, (axis.units, 1.0))
     branches = [[per_unit * value for value in branch] for branch in (curve.forward, curve.backward)]
     low, high = _wide(min(0.0, *branches[0], *branches[1]), max(0.0, *branches[0], *branches[1]))
     first, last = curve.positions[0], curve.positions[-1]
     x: Scale = _scale(first, last, LEFT, WIDTH - RIGHT)
     y: Scale = _scale(low, high, HEIGHT - BOTTOM, TOP)
-    title = f"Axis {name}: {axis['table']['file'] or 'table'}"
+    title = f"Axis {name}: {axis.table.file or 'table'}"
     parts = [
-        *_frame(title, curve, first, last, axis["units"]),
+        *_frame(title, curve, first, last, axis.units),
         *_grid(ticks(first, last, 8), ticks(low, high, 6), x, y),
-        _label(WIDTH / 2, HEIGHT - 12, f"position, {axis['units']}"),
+        _label(WIDTH / 2, HEIGHT - 12, f"position, {axis.units}"),
         _label(16, (TOP + HEIGHT - BOTTOM) / 2, f"correction, {unit}", turned=True),
         *_branch(curve.positions, branches[0], x, y, FORWARD_COLOUR, ""),
         *_branch(curve.positions, branches[1], x, y, BACKWARD_COLOUR, "7 4"),
@@ -273,7 +274,7 @@ class Tables:
         name: str = request.path_params["name"]
         axis_name, is_drawing = name.removesuffix(SVG), name.endswith(SVG)
         model = self._window.feeds.model
-        axes: Mapping[str, Any] = {} if model is None else model["axes"]
+        axes = {} if model is None else model.axes
         if axis_name not in axes:
             names = [f"/tables/{axis}{SVG if is_drawing else ''}" for axis in axes]
             return not_there(f"/tables/{shortened(name)}", names)
@@ -281,8 +282,8 @@ class Tables:
         if not asked.isascii() or not asked.isdigit() or not FEWEST <= int(asked[:9]) <= MOST:
             return problem(400, f"points={shortened(asked)}; allowed: {FEWEST} to {MOST}")
         axis, settings = axes[axis_name], self._window.settings_of(axis_name)
-        digest = axis["table"].get("compiled")
-        if not axis["table"]["points"] or not digest:
+        digest = axis.table.compiled
+        if not axis.table.points or not digest:
             return problem(404, f"axis {axis_name} has no table")
         if settings is None:
             return problem(503, "the configuration has not been read yet")
@@ -297,14 +298,14 @@ class Tables:
     async def _body(
         self,
         name: str,
-        axis: Mapping[str, Any],
+        axis: AxisStatus,
         digest: str,
         settings: AxisSettings,
         points: int,
         *,
         is_drawing: bool,
     ) -> bytes:
-        file, gain = axis["table"]["file"], tuple(axis["gain"].values())
+        file, gain = axis.table.file, axis.gain
         key = (name, digest, file, gain, settings, points, is_drawing)
         if key in self._kept:
             self._kept.move_to_end(key)

@@ -193,14 +193,14 @@ class Histories:
         async with self._turn:
             found = await self._window.history(axis, 60.0 * int(asked))
         model = self._window.feeds.model
-        axes = model["axes"] if model else {}
+        axes = model.axes if model else {}
         if found is None or axis not in axes:
             names = [f"/history/{there}{CSV if is_csv else ''}" for there in axes]
             return not_there(f"/history/{shortened(name)}", names)
         if is_csv:
             file = f"{axis}-{time_text(time.time()).replace(':', '')}{CSV}"
             headers = {**NO_STORE, "Content-Disposition": f'attachment; filename="{file}"'}
-            return Response(_csv(found, axes[axis]["units"]), headers=headers, media_type=MEDIA_TYPE)
+            return Response(_csv(found, axes[axis].units), headers=headers, media_type=MEDIA_TYPE)
         now_s = time.time()
         return json_answer(
             {

@@ -19,6 +19,7 @@ from uvicorn.server import ServerState
 
 from gateway.config.files import TLS_KEY, NamedFileError, path_of, server_context
 from gateway.config.http_model import HttpSection, HttpTlsSection, TokenSection
+from gateway.files import mark_of
 from gateway.supervisor.http.answers import (
     HEAD_BYTES,
     SEND_BUFFER_BYTES,
@@ -332,7 +333,7 @@ class Wanted:
     """Its name."""
     folder: Path
     """That the files are relative to."""
-    seen: tuple[tuple[int, int, int] | None, ...]
+    seen: tuple[tuple[int, ...] | None, ...]
     """How the files of TLS looked: renewed ones are others."""
 
     @property
@@ -390,9 +391,9 @@ def wanted_by(section: HttpSection, gateway: str, folder: Path) -> Wanted | None
     return Wanted(endpoint, section.tokens, tls, gateway, folder, seen)
 
 
-def _look_at(file: str | None, folder: Path) -> tuple[int, int, int] | None:
+def _look_at(file: str | None, folder: Path) -> tuple[int, ...] | None:
     try:
         status = path_of(TLS_KEY, file, folder).stat() if file is not None else None
     except (NamedFileError, OSError):
         return None
-    return None if status is None else (status.st_ino, status.st_size, status.st_mtime_ns)
+    return None if status is None else mark_of(status)

@@ -20,6 +20,7 @@ from starlette.types import Scope
 from gateway.catalogue.publishing_events import HTTP_REFUSED, TOKEN_REFUSED
 from gateway.config.files import NamedFileError, path_of, read_token
 from gateway.config.http_model import TokenSection
+from gateway.files import mark_of
 from gateway.supervisor.http.answers import JSON, json_answer, problem, shortened
 from gateway.supervisor.http.documents import Window
 from gateway.supervisor.http.refusals import Refusals, WrongTries
@@ -29,7 +30,7 @@ from gateway.supervisor.page import LOGIN_FILES
 
 SETTLED_NS: Final = 2_000_000_000
 """A file that was written later than so long ago is read each time: two saves can have one time."""
-Seen = tuple[int, int, int, int]
+Seen = tuple[int, ...]
 
 
 @dataclass(slots=True)
@@ -107,7 +108,7 @@ def _look_at(path: Path) -> Seen | None:
     if time.time_ns() - max(status.st_mtime_ns, status.st_ctime_ns) < SETTLED_NS:
         return None
     # The time of change counts too: with it comes another mode, by which others may read it.
-    return status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+    return (*mark_of(status), status.st_ctime_ns)
 
 
 # --- Sessions of browsers: a person shows the token once, and the browser a random number from then on

@@ -1,9 +1,10 @@
 """``/metrics``: the status model in the words of Prometheus; seconds, and totals since the relay's start."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
-from typing import Any, Final
+from typing import Final
 
+from msgspec import UNSET
 from prometheus_client import CollectorRegistry
 from prometheus_client.exposition import choose_encoder
 from prometheus_client.metrics_core import (
@@ -15,8 +16,11 @@ from prometheus_client.metrics_core import (
 )
 from prometheus_client.registry import Collector
 
-from gateway.catalogue.counters import meaning
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
+from gateway.status.axis import ThermalStatus, WholeAxis
+from gateway.status.line import LINE_COUNTERS, CertificateStatus, LineStatus
+from gateway.status.model import COUNTERS, Model, TroubleStatus
+from gateway.status.times import GatewayTimes
 from gateway.supervisor.book import FileState
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.verdict import State
@@ -24,31 +28,6 @@ from gateway.supervisor.verdict import State
 US_PER_S: Final = 1e6
 TABLE_STATES: Final = (*(state.value for state in FileState), "none")
 COMPONENTS: Final = ("configuration", "tables_folder", "state_folder", "http", "mqtt")
-LINE_COUNTERS: Final = (
-    "exchanges",
-    "timeouts",
-    "exceptions",
-    "late",
-    "late_replies",
-    "late_targets",
-    "refused",
-    "backed_off",
-    "too_late",
-    "withdrawn",
-    "broadcasts",
-    "added_reads",
-    "restaged",
-    "unknown_modes",
-    "unmapped_reads",
-    "internal_faults",
-    "crc_errors",
-    "damaged",
-    "malformed",
-    "oversized",
-    "wrong_units",
-    "budget_overruns",
-)
-"""Keys of a line in the status model; ``catalogue.counters`` says what each counts."""
 
 
 class StatusCollector(Collector):
@@ -61,9 +40,10 @@ class StatusCollector(Collector):
         """Yield all metrics; none while there is no model."""
         model = self._feeds.model
         if model is not None:
+            bounds_us = model.gateway.latency_bounds_us or ()
             yield from _of_gateway(model)
-            yield from _of_lines(model["lines"], model["gateway"].get("latency_bounds_us", ()))
-            yield from _of_axes(model["axes"], model["gateway"].get("latency_bounds_us", ()))
+            yield from _of_lines(model.lines, bounds_us)
+            yield from _of_axes(model.axes, bounds_us)
             yield from _of_certificates(model)
 
 
@@ -92,50 +72,53 @@ def _counter(rest: str, says: str, labels: Iterable[str] = ()) -> CounterMetricF
     return CounterMetricFamily(_name(rest), says, labels=tuple(labels))
 
 
-def _of_gateway(model: Mapping[str, Any]) -> Iterator[Metric]:
-    gateway = model["gateway"]
+def _of_gateway(model: Model) -> Iterator[Metric]:
+    gateway = model.gateway
     info = InfoMetricFamily("pitch_gateway", "The gateway: its name and release.")
-    compiled = str(bool(gateway.get("compiled"))).lower()
-    info.add_metric((), {"name": gateway["name"], "version": gateway["version"], "compiled": compiled})
+    compiled = str(bool(gateway.compiled)).lower()
+    info.add_metric((), {"name": gateway.name, "version": gateway.version, "compiled": compiled})
     yield info
     up = _gauge("relay_up", "Whether the relay, which moves the frames, is running: 1 or 0.")
-    up.add_metric((), gateway["relay"] == "up")
+    up.add_metric((), gateway.relay == "up")
     yield up
-    for key, rest, says in (
-        ("snapshot_age_s", "snapshot_age_seconds", "Age of what the relay told of itself last."),
+    for seconds, rest, says in (
         (
-            "uptime_s",
+            gateway.snapshot_age_s,
+            "snapshot_age_seconds",
+            "Age of what the relay told of itself last.",
+        ),
+        (
+            gateway.uptime_s,
             "relay_uptime_seconds",
             "How long the relay had been running when it told of itself last.",
         ),
     ):
         gauge = _gauge(rest, says)
-        if gateway[key] is not None:
-            gauge.add_metric((), gateway[key])
+        if seconds is not None:
+            gauge.add_metric((), seconds)
         yield gauge
-    yield _verdict("verdict", "How the gateway is: 1 at its word.", {(): model["verdict"]})
+    yield _verdict("verdict", "How the gateway is: 1 at its word.", {(): model.verdict.state})
     good = _gauge("component_ok", "Whether a part of the supervisor has no problem: 1 or 0.", ["component"])
-    for component in COMPONENTS:
-        good.add_metric((component,), not model["supervisor"][component]["problem"])
+    for component in COMPONENTS if model.supervisor is not None else ():
+        good.add_metric((component,), not getattr(model.supervisor, component).problem)
     yield good
-    yield from _of_troubles(model["troubles"])
+    yield from _of_troubles(model.troubles)
 
 
 def _verdict(
-    rest: str, says: str, verdicts: Mapping[tuple[str, ...], Mapping[str, Any]], labels: Iterable[str] = ()
+    rest: str, says: str, verdicts: Mapping[tuple[str, ...], str], labels: Iterable[str] = ()
 ) -> Metric:
     family = _gauge(rest, says, [*labels, "state"])
     for of, verdict in verdicts.items():
         for state in State:
-            family.add_metric((*of, state.value), state.value == verdict["state"])
+            family.add_metric((*of, state.value), state.value == verdict)
     return family
 
 
-def _of_troubles(troubles: Iterable[Mapping[str, Any]]) -> Iterator[Metric]:
-    listed = list(troubles)
+def _of_troubles(troubles: Sequence[TroubleStatus]) -> Iterator[Metric]:
     count = _gauge("troubles", "Things that are wrong right now, by severity.", ["severity"])
     for severity in ("error", "warning"):
-        count.add_metric((severity,), sum(trouble["severity"] == severity for trouble in listed))
+        count.add_metric((severity,), sum(trouble.severity == severity for trouble in troubles))
     yield count
     each = _gauge("trouble", "1 for each thing that is wrong right now.", ["kind", "severity", "where"])
     since = _gauge(
@@ -144,9 +127,9 @@ def _of_troubles(troubles: Iterable[Mapping[str, Any]]) -> Iterator[Metric]:
         ["kind", "severity", "where"],
     )
     began: dict[tuple[str, str, str], float] = {}
-    for trouble in listed:
-        labels = (trouble["kind"], trouble["severity"], trouble["where"])
-        instant_s = datetime.fromisoformat(trouble["since"]).timestamp()
+    for trouble in troubles:
+        labels = (trouble.kind, trouble.severity, trouble.where)
+        instant_s = datetime.fromisoformat(trouble.since).timestamp()
         began[labels] = min(began.get(labels, instant_s), instant_s)
     for labels, instant_s in sorted(began.items()):
         each.add_metric(labels, 1)
@@ -154,24 +137,26 @@ def _of_troubles(troubles: Iterable[Mapping[str, Any]]) -> Iterator[Metric]:
     yield from (each, since)
 
 
-def _of_certificates(model: Mapping[str, Any]) -> Iterator[Metric]:
+def _of_certificates(model: Model) -> Iterator[Metric]:
     """Yield when certificates end; of several in one file the first to end."""
-    places = {"http": model["supervisor"]["http"].get("certificates", ())}
-    for name, line in model["lines"].items():
-        for controller in line["controllers"]:
-            found = controller.get("tls", {}).get("certificates", ())
-            places[f"line {name}, controller {controller['name']}"] = found
+    places: dict[str, Sequence[CertificateStatus]] = {}
+    if model.supervisor is not None:
+        places["http"] = model.supervisor.http.certificates
+    for name, line in model.lines.items():
+        for controller in line.controllers:
+            if controller.tls:
+                places[f"line {name}, controller {controller.name}"] = controller.tls.certificates
     says = "When what is in a file of tls is good no more, in Unix time."
     ends = _gauge("certificate_end_timestamp_seconds", says, ["where", "key", "file", "subject"])
     for where, certificates in places.items():
         for each in certificates:
-            if each["ends"] is not None:
-                labels = (where, each["key"], each["file"], each["subject"])
-                ends.add_metric(labels, datetime.fromisoformat(each["ends"]).timestamp())
+            if each.ends is not None:
+                labels = (where, each.key, each.file, each.subject)
+                ends.add_metric(labels, datetime.fromisoformat(each.ends).timestamp())
     yield ends
 
 
-def _of_lines(lines: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[Metric]:
+def _of_lines(lines: Mapping[str, LineStatus], bounds_us: Iterable[float]) -> Iterator[Metric]:
     up = _gauge("line_up", "Whether the drives of a line are reached: 1 or 0.", ["line"])
     wire = _counter("line_wire_seconds", "Time that bytes took on the wire of the drives.", ["line"])
     added = _counter("line_added_frames_seconds", "Time that frames of the gateway's own took.", ["line"])
@@ -182,49 +167,50 @@ def _of_lines(lines: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[
         ["line", "controller"],
     )
     for name, line in lines.items():
-        up.add_metric((name,), line["state"] == "up")
-        wire.add_metric((name,), line["wire_s"])
-        added.add_metric((name,), line["added_frames_s"])
-        for controller in line["controllers"]:
-            of_port = int(controller.get("state") == "up")
-            count = len(controller["connections"]) if "connections" in controller else of_port
-            connected.add_metric((name, controller["name"]), count)
-            if "silent_s" in controller:  # a relay of an older release does not say
-                silent.add_metric((name, controller["name"]), controller["silent_s"])
+        up.add_metric((name,), line.state == "up")
+        wire.add_metric((name,), line.wire_s)
+        added.add_metric((name,), line.added_frames_s)
+        for controller in line.controllers:
+            connections = controller.connections
+            count = int(controller.state == "up") if connections is UNSET else len(connections)
+            connected.add_metric((name, controller.name), count)
+            if controller.silent_s is not UNSET:  # a relay of an older release does not say
+                silent.add_metric((name, controller.name), controller.silent_s)
     yield from (up, wire, added, connected, silent)
     yield from _of_drives(lines)
     yield from _of_ports(lines)
     yield from _of_cut_through(lines)
-    for key in LINE_COUNTERS:
-        counter = _counter(f"line_{key}", meaning(key), ["line"])
-        for name, line in lines.items():
-            if line.get(key) is not None:  # a line over TCP has no check sums
-                counter.add_metric((name,), line[key])
-        yield counter
-    yield from _latency("line", {name: line["gateway_us"] for name, line in lines.items()}, bounds_us)
+    for key, declared in LINE_COUNTERS.items():
+        if declared.is_metric:
+            counter = _counter(f"line_{key}", declared.sentence, ["line"])
+            for name, line in lines.items():
+                if (count := getattr(line, key)) is not UNSET:  # a line over TCP has no check sums
+                    counter.add_metric((name,), count)
+            yield counter
+    yield from _latency("line", {name: line.gateway_us for name, line in lines.items()}, bounds_us)
 
 
-def _of_cut_through(lines: Mapping[str, Any]) -> Iterator[Metric]:
+def _of_cut_through(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
     """Yield what became of the frames of lines that cut through; other lines have none of it."""
-    whole = _counter("line_frames_cut_through", meaning("cut_through"), ["line", "frames"])
-    stored = _counter("line_frames_stored", meaning("stored"), ["line", "frames", "why"])
-    spoilt = _counter("line_frames_spoilt", meaning("spoilt"), ["line", "frames", "why"])
-    torn = _counter("line_frames_torn", meaning("torn"), ["line"])
+    whole = _counter("line_frames_cut_through", COUNTERS["cut_through"].sentence, ["line", "frames"])
+    stored = _counter("line_frames_stored", COUNTERS["stored"].sentence, ["line", "frames", "why"])
+    spoilt = _counter("line_frames_spoilt", COUNTERS["spoilt"].sentence, ["line", "frames", "why"])
+    torn = _counter("line_frames_torn", COUNTERS["torn"].sentence, ["line"])
     for name, line in lines.items():
-        cuts = line.get("cut_through")
-        if cuts is None:
+        cuts = line.cut_through
+        if cuts is UNSET:
             continue
-        for frames in ("requests", "replies"):
-            whole.add_metric((name, frames), cuts[frames]["cut_through"])
-            for counter, key in ((stored, "stored"), (spoilt, "spoilt")):
-                for why, count in cuts[frames][key].items():
+        for frames, became in (("requests", cuts.requests), ("replies", cuts.replies)):
+            whole.add_metric((name, frames), became.cut_through)
+            for counter, counts in ((stored, became.stored), (spoilt, became.spoilt)):
+                for why, count in counts.items():
                     counter.add_metric((name, frames, why), count)
-        torn.add_metric((name,), cuts["torn"])
+        torn.add_metric((name,), cuts.torn)
     if torn.samples:
         yield from (whole, stored, spoilt, torn)
 
 
-def _of_drives(lines: Mapping[str, Any]) -> Iterator[Metric]:
+def _of_drives(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
     """Yield how the drives of unit ids answer, each with its axes; nothing of a relay of an older release."""
     labels = ("line", "unit_id", "axes")
     answers = _gauge("drive_answers", "Whether a unit id answered its last request: 1 or 0.", labels)
@@ -232,35 +218,32 @@ def _of_drives(lines: Mapping[str, Any]) -> Iterator[Metric]:
     missed = _gauge("drive_timeouts_in_a_row", "Requests that a unit id left unanswered in a row.", labels)
     damaged = _counter("drive_damaged", "Requests that were answered by bytes that are no frame.", labels)
     for name, line in lines.items():
-        unit_ids = line.get("unit_ids", {})
-        for unit_id, drive in unit_ids.get("drives", {}).items():
-            axes = ",".join(axis for axis, of in unit_ids["axes"].items() if str(of) == unit_id)
+        for unit_id, drive in line.unit_ids.drives.items():
+            axes = ",".join(axis for axis, of in line.unit_ids.axes.items() if str(of) == unit_id)
             of = (name, unit_id, axes)
-            silent_s = drive["silent_s"]
-            if drive["answered_s"] is not None or silent_s is not None:  # else nobody has asked it yet
+            silent_s = drive.silent_s
+            if drive.answered_s is not None or silent_s is not None:  # else nobody has asked it yet
                 answers.add_metric(of, silent_s is None)
                 silent.add_metric(of, silent_s or 0.0)
-                missed.add_metric(of, drive["timeouts_in_a_row"])
-            damaged.add_metric(of, drive["damaged"])
+                missed.add_metric(of, drive.timeouts_in_a_row)
+            damaged.add_metric(of, drive.damaged)
     yield from (answers, silent, missed, damaged)
 
 
-def _of_ports(lines: Mapping[str, Any]) -> Iterator[Metric]:
+def _of_ports(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
     """Yield what serial ports of controllers were sent: whole frames, and damaged ones."""
     labels = ("line", "controller")
     whole = _counter("controller_frames", "Whole frames from the serial port of a controller.", labels)
     damaged = _counter("controller_damaged_frames", "Damaged frames from there.", labels)
     for name, line in lines.items():
-        for controller in line["controllers"]:
-            if "whole" in controller:
-                whole.add_metric((name, controller["name"]), controller["whole"])
-                damaged.add_metric((name, controller["name"]), controller["damaged"])
+        for controller in line.controllers:
+            if controller.whole is not UNSET and controller.damaged is not UNSET:
+                whole.add_metric((name, controller.name), controller.whole)
+                damaged.add_metric((name, controller.name), controller.damaged)
     yield from (whole, damaged)
 
 
-def _latency(
-    kind: str, took_us: Mapping[str, Mapping[str, Any]], bounds_us: Iterable[float]
-) -> Iterator[Metric]:
+def _latency(kind: str, took_us: Mapping[str, GatewayTimes], bounds_us: Iterable[float]) -> Iterator[Metric]:
     """Yield the gateway's own time as a histogram with the relay's own buckets; it keeps no sum."""
     bounds = [*(f"{bound / US_PER_S:g}" for bound in bounds_us), "+Inf"]
     times = HistogramMetricFamily(
@@ -269,7 +252,7 @@ def _latency(
         labels=[kind],
     )
     for name, of_one in took_us.items():
-        below = of_one.get("below", ())
+        below = of_one.below or ()
         if len(below) == len(bounds):
             times.add_metric((name,), list(zip(bounds, below, strict=True)), None)
     yield times
@@ -278,12 +261,12 @@ def _latency(
             f"{kind}_latency_{rest}_seconds", f"The longest that the gateway took {since}.", [kind]
         )
         for name, of_one in took_us.items():
-            highest.add_metric((name,), of_one[key] / US_PER_S)
+            highest.add_metric((name,), getattr(of_one, key) / US_PER_S)
         yield highest
 
 
-def _of_axes(axes: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[Metric]:
-    verdicts: dict[tuple[str, ...], Any] = {(name,): axis["verdict"] for name, axis in axes.items()}
+def _of_axes(axes: Mapping[str, WholeAxis], bounds_us: Iterable[float]) -> Iterator[Metric]:
+    verdicts: dict[tuple[str, ...], str] = {(name,): axis.verdict.state for name, axis in axes.items()}
     yield _verdict("axis_verdict", "How an axis is: 1 at its word.", verdicts, ["axis"])
     yield from _positions(axes)
     for rest, says, states, found in (
@@ -303,33 +286,33 @@ def _of_axes(axes: Mapping[str, Any], bounds_us: Iterable[float]) -> Iterator[Me
                 family.add_metric((name, state), state == found(axis))
         yield family
     yield from _of_tables(axes)
-    yield from _of_terms({name: axis for name, axis in axes.items() if axis.get("terms")})
-    took_us = {name: axis["latency"]["gateway_us"] for name, axis in axes.items()}
+    yield from _of_terms(axes)
+    took_us = {name: axis.latency.gateway_us for name, axis in axes.items()}
     yield from _latency("axis", took_us, bounds_us)
     budget = _gauge("axis_latency_budget_seconds", "What the gateway may take for an exchange.", ["axis"])
     over = _gauge("axis_over_budget", "Whether the budget is exceeded right now: 1 or 0.", ["axis"])
     overruns = _counter("axis_budget_overruns", "Exchanges that took longer than the budget.", ["axis"])
     for name, axis in axes.items():
-        latency = axis["latency"]
-        budget.add_metric((name,), latency["budget_us"] / US_PER_S)
-        over.add_metric((name,), latency["is_over_budget"])
-        overruns.add_metric((name,), latency["budget_overruns"])
+        latency = axis.latency
+        budget.add_metric((name,), latency.budget_us / US_PER_S)
+        over.add_metric((name,), latency.is_over_budget)
+        overruns.add_metric((name,), latency.budget_overruns)
     yield from (budget, over, overruns)
 
 
-def _compensation(axis: Mapping[str, Any]) -> str:
-    return str(axis["compensation"])
+def _compensation(axis: WholeAxis) -> str:
+    return axis.compensation
 
 
-def _direction(axis: Mapping[str, Any]) -> str:
-    return str(axis["direction"])
+def _direction(axis: WholeAxis) -> str:
+    return axis.direction
 
 
-def _table_state(axis: Mapping[str, Any]) -> str:
-    return str(axis["table"]["status"])
+def _table_state(axis: WholeAxis) -> str:
+    return axis.table.status
 
 
-def _positions(axes: Mapping[str, Any]) -> Iterator[Metric]:
+def _positions(axes: Mapping[str, WholeAxis]) -> Iterator[Metric]:
     """Yield positions in the axis's own unit, which the label says: it may be mm, inch or degree."""
     says = "Position in the unit of the axis: frame nominal (the controller's) or corrected (the drive's)."
     position = _gauge("axis_position", says, ["axis", "units", "frame", "of"])
@@ -338,51 +321,58 @@ def _positions(axes: Mapping[str, Any]) -> Iterator[Metric]:
     for name, axis in axes.items():
         for frame in ("nominal", "corrected"):
             for of in ("setpoint", "actual"):
-                if axis[f"{frame}_{of}"] is not None:
-                    position.add_metric((name, axis["units"], frame, of), axis[f"{frame}_{of}"])
-        if axis["correction"] is not None:
-            correction.add_metric((name, axis["units"]), axis["correction"])
-        for direction, share in axis.get("gain", {}).items():
-            gain.add_metric((name, direction), share)
+                found: float | None = getattr(axis, f"{frame}_{of}")
+                if found is not None:
+                    position.add_metric((name, axis.units, frame, of), found)
+        if axis.correction is not None:
+            correction.add_metric((name, axis.units), axis.correction)
+        gain.add_metric((name, "forward"), axis.gain.forward)
+        gain.add_metric((name, "backward"), axis.gain.backward)
     yield from (position, correction, gain)
 
 
-def _of_tables(axes: Mapping[str, Any]) -> Iterator[Metric]:
+def _of_tables(axes: Mapping[str, WholeAxis]) -> Iterator[Metric]:
     points = _gauge("axis_table_points", "Points of the table that the axis has; 0: none.", ["axis"])
     loaded = _gauge("axis_table_loaded_timestamp_seconds", "When the table came, in Unix time.", ["axis"])
     info = InfoMetricFamily(_name("axis_table"), "The table that the axis has.", labels=["axis"])
     for name, axis in axes.items():
-        table = axis["table"]
-        points.add_metric((name,), table["points"])
-        if table.get("loaded_at"):
-            loaded.add_metric((name,), datetime.fromisoformat(table["loaded_at"]).timestamp())
-        if table["file"]:
-            kind, digest = table["format"] or "", table.get("sha256") or ""
-            info.add_metric((name,), {"file": table["file"], "format": kind, "sha256": digest})
+        table = axis.table
+        points.add_metric((name,), table.points)
+        if table.loaded_at:
+            loaded.add_metric((name,), datetime.fromisoformat(table.loaded_at).timestamp())
+        if table.file:
+            kind, digest = table.format or "", table.sha256 or ""
+            info.add_metric((name,), {"file": table.file, "format": kind, "sha256": digest})
     yield from (points, loaded, info)
 
 
-def _of_terms(axes: Mapping[str, Any]) -> Iterator[Metric]:
+def _of_terms(axes: Mapping[str, WholeAxis]) -> Iterator[Metric]:
     """Yield what ``thermal`` and ``cross`` add, and how well that is known; nothing where there are none."""
-    if not axes:
-        return
     says = "What a term added to the last target, in the unit of the axis: thermal or cross."
     added = _gauge("axis_term_correction", says, ["axis", "units", "term"])
     state = _gauge("axis_term_state", "State of a term: 1 at the one it is in.", ["axis", "term", "state"])
     large = _gauge("axis_terms_too_large", "Whether the terms are too large to follow: 1 or 0.", ["axis"])
+    warm: dict[str, ThermalStatus] = {}
     for name, axis in axes.items():
-        terms = axis["terms"]
-        large.add_metric((name,), terms["is_too_large"])
-        for term in ("thermal", "cross"):
-            if term not in terms:
+        terms = axis.terms
+        if terms is None:
+            continue
+        if terms.thermal:
+            warm[name] = terms.thermal
+        large.add_metric((name,), terms.is_too_large)
+        for term, its in (("thermal", terms.thermal), ("cross", terms.cross)):
+            if not its:
                 continue
-            its = terms[term]
-            if its.get("correction") is not None:
-                added.add_metric((name, axis["units"], term), its["correction"])
-            for each in dict.fromkeys((*TERM_STATES, its["state"])):
-                state.add_metric((name, term, each), each == its["state"])
-    yield from (added, state, large)
-    warm = {name: axis["terms"]["thermal"] for name, axis in axes.items() if "thermal" in axis["terms"]}
+            if its.correction is not None:
+                added.add_metric((name, axis.units, term), its.correction)
+            for each in dict.fromkeys((*TERM_STATES, its.state)):
+                state.add_metric((name, term, each), each == its.state)
+    if large.samples:
+        yield from (added, state, large)
+        yield from _of_temperatures(warm)
+
+
+def _of_temperatures(warm: Mapping[str, ThermalStatus]) -> Iterator[Metric]:
     for key, rest, says in (
         ("celsius", "celsius", "Temperature of the screw as its sensor said it last."),
         ("age_s", "age_seconds", "How long ago the sensor of the screw was heard."),
@@ -391,6 +381,6 @@ def _of_terms(axes: Mapping[str, Any]) -> Iterator[Metric]:
     ):
         gauge = _gauge(f"axis_temperature_{rest}", says, ["axis"])
         for name, thermal in warm.items():
-            if thermal.get(key) is not None:
-                gauge.add_metric((name,), thermal[key])
+            if (value := getattr(thermal, key)) is not None:
+                gauge.add_metric((name,), value)
         yield gauge

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from gateway.backoff import Backoff
 from gateway.catalogue.publishing_events import HTTP_NOT_OPEN, HTTP_READY, HTTP_REFUSED, TOKEN_UNUSABLE
@@ -17,6 +17,7 @@ from gateway.config.checks.lines import is_loopback
 from gateway.config.files import NamedFileError
 from gateway.config.http_model import HttpSection
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketError, SocketPlace
+from gateway.status.model import HttpStatus
 from gateway.supervisor.http.answers import LOCAL, TCP, Limits
 from gateway.supervisor.http.application import ASKING_PATHS, LOCAL_PATHS, PATHS, Served
 from gateway.supervisor.http.documents import Window
@@ -76,16 +77,16 @@ class HttpService:
             self._changed.set()
 
     @property
-    def status(self) -> dict[str, Any]:
+    def status(self) -> HttpStatus:
         """Return the service's part of the status model, ``supervisor.http``."""
         of_tokens = [] if self._tokens is None else self._tokens.problems
         problems = [text for text in (self._tcp_problem, self._local_problem, *of_tokens) if text]
-        return {
-            "listen": "" if self._wanted is None else str(self._wanted.endpoint),
-            "address": self._address,
-            "problem": "; ".join(problems) or None,
-            "certificates": self._endings.status(self._now()),
-        }
+        return HttpStatus(
+            listen="" if self._wanted is None else str(self._wanted.endpoint),
+            address=self._address,
+            problem="; ".join(problems) or None,
+            certificates=self._endings.status(self._now()),
+        )
 
     async def run(self) -> None:
         """Serve until cancelled."""

@@ -3,14 +3,15 @@
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import aclosing
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
+from gateway.status.model import Model
 from gateway.supervisor.feeds import Feeds, Told
 from gateway.supervisor.http.answers import Limits, json_bytes
 
@@ -88,10 +89,10 @@ class Models:
     """The newest model as JSON, encoded once for all who want it."""
 
     def __init__(self) -> None:
-        self._model: Mapping[str, Any] | None = None
+        self._model: Model | None = None
         self._encoded = b""
 
-    def encoded(self, model: Mapping[str, Any]) -> bytes:
+    def encoded(self, model: Model) -> bytes:
         """Return a model as JSON."""
         if model is not self._model:
             self._model, self._encoded = model, json_bytes(model)
@@ -114,7 +115,7 @@ class EventStream:
         """Yield what one reader is told, from what happened lately on, until it is closed."""
         status_due_s = time.monotonic()
         heartbeat_due_s = status_due_s + self._limits.heartbeat_s
-        model: Mapping[str, Any] | None = None
+        model: Model | None = None
         pace_s = self._limits.status_every_s if wish.wants_status else self._limits.heartbeat_s
         with self._feeds.wanting(pace_s), self._feeds.open() as feed:
             yield b"retry: %d\n\n" % RETRY_MS + self._recent(wish)

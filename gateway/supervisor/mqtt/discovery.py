@@ -17,6 +17,8 @@ from math import ceil
 from typing import Any, Final
 
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
+from gateway.status.axis import TermsStatus
+from gateway.status.model import Model
 from gateway.supervisor.mqtt.interfaces import Payload
 from gateway.supervisor.mqtt.settings import Settings
 from gateway.supervisor.verdict import State
@@ -43,18 +45,18 @@ SUPPORT_URL: Final = _project_url()
 _RELAY_UP: Final = "value_json.relay == 'up'"
 
 
-def discovery_messages(settings: Settings, model: Payload) -> dict[str, Payload]:
+def discovery_messages(settings: Settings, model: Model) -> dict[str, Payload]:
     """Return the description of each device, by topic; none where discovery is off."""
     if not settings.discovery:
         return {}
     found = {_topic(settings, "gateway"): _gateway(settings, model, _gateway_components(settings))}
     if settings.allows_commands:
         found[_topic(settings, "commands")] = _gateway(settings, model, _gateway_commands(settings))
-    for name, axis in model["axes"].items():
-        components = _axis_components(settings, name, axis["units"])
+    for name, axis in model.axes.items():
+        components = _axis_components(settings, name, axis.units)
         found[_topic(settings, f"axis_{name}")] = _axis(settings, model, name, components)
-        if terms := axis.get("terms"):
-            components = _term_components(settings, name, axis["units"], terms)
+        if (terms := axis.terms) is not None:
+            components = _term_components(settings, name, axis.units, terms)
             found[_topic(settings, f"terms_{name}")] = _axis(settings, model, name, components)
         if settings.allows_commands:
             components = _axis_commands(settings, name)
@@ -66,7 +68,7 @@ def _topic(settings: Settings, device: str) -> str:
     return f"{settings.discovery}/device/{settings.topics.id}/{device}/config"
 
 
-def _gateway(settings: Settings, model: Payload, components: Payload) -> Payload:
+def _gateway(settings: Settings, model: Model, components: Payload) -> Payload:
     topics = settings.topics
     return {
         **_about(model),
@@ -75,7 +77,7 @@ def _gateway(settings: Settings, model: Payload, components: Payload) -> Payload
             "name": topics.name,
             "manufacturer": MAKER,
             "model": "gateway",
-            "sw_version": model["gateway"]["version"],
+            "sw_version": model.gateway.version,
         },
         "availability": [{"topic": topics.availability}],
         "cmps": components,
@@ -158,7 +160,7 @@ def _device(settings: Settings, name: str) -> str:
     return f"{settings.topics.id}_axis_{name}"
 
 
-def _axis(settings: Settings, model: Payload, name: str, components: Payload) -> Payload:
+def _axis(settings: Settings, model: Model, name: str, components: Payload) -> Payload:
     topics = settings.topics
     return {
         **_about(model),
@@ -239,11 +241,11 @@ def _axis_components(settings: Settings, name: str, units: str) -> dict[str, Any
     }
 
 
-def _term_components(settings: Settings, name: str, units: str, terms: Payload) -> dict[str, Any]:
+def _term_components(settings: Settings, name: str, units: str, terms: TermsStatus) -> dict[str, Any]:
     """Return what Home Assistant shows of what is added to a table; lengths are in ``units``."""
     device, topic, expires = _device(settings, name), settings.topics.axis(name), _expires(settings)
     found: dict[str, Any] = {}
-    if "thermal" in terms:
+    if terms.thermal:
         warm: dict[str, Any] = {
             "device_class": "temperature",
             "unit_of_measurement": "°C",
@@ -254,11 +256,11 @@ def _term_components(settings: Settings, name: str, units: str, terms: Payload) 
         found["temperature"] = _at(
             "thermal.celsius", _sensor(device, "temperature", "Temperature", topic, warm)
         )
-    for term, words, source in (
-        ("thermal", "Added for temperature", "Temperature sensor"),
-        ("cross", "Added for other axes", "Other axes"),
+    for term, its, words, source in (
+        ("thermal", terms.thermal, "Added for temperature", "Temperature sensor"),
+        ("cross", terms.cross, "Added for other axes", "Other axes"),
     ):
-        if term in terms:
+        if its:
             added, state = f"{term}_added", f"{term}_state"
             length = _sensor(device, added, words, topic, _length(settings, units))
             choice = _choice(device, state, source, topic, options=TERM_STATES, more=expires)
@@ -272,9 +274,9 @@ def _at(place: str, entity: Mapping[str, Any]) -> dict[str, Any]:
     return {**entity, "value_template": f"{{{{ value_json.terms.{place} }}}}"}
 
 
-def _about(model: Payload) -> dict[str, Any]:
+def _about(model: Model) -> dict[str, Any]:
     support = {"support_url": SUPPORT_URL} if SUPPORT_URL else {}
-    return {"o": {"name": MAKER, "sw_version": model["gateway"]["version"], **support}, "qos": 1}
+    return {"o": {"name": MAKER, "sw_version": model.gateway.version, **support}, "qos": 1}
 
 
 def _entity(device: str, platform: str, key: str, name: str) -> dict[str, Any]:

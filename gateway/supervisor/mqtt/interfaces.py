@@ -7,11 +7,12 @@ from typing import Any, Protocol
 
 from gateway.broadcast import NewestQueue
 from gateway.ipc.messages import Reply, Request
+from gateway.status.model import Model
 from gateway.supervisor.feeds import EVENTS_KEPT, Feed, News, Told
 from gateway.supervisor.outcome import Outcome
 
 Payload = Mapping[str, Any]
-"""What becomes one message; the status model too."""
+"""What becomes one message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +41,7 @@ class Outbox:
     """Bounded: of the status only the newest waits, of events the newest :data:`EVENTS_KEPT`."""
 
     def __init__(self) -> None:
-        self.model: Payload | None = None
+        self.model: Model | None = None
         """The newest status model."""
         self.dropped = 0
         """Events that were not published, because the broker was away or slow for too long."""

@@ -3,12 +3,13 @@
 import asyncio
 import time
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from paho.mqtt.client import MQTTMessage
 
 from gateway.backoff import Backoff
 from gateway.catalogue.publishing_events import MQTT_COMMANDS_NOT_HEARD, MQTT_CONNECTED, MQTT_LOST
+from gateway.status.model import MqttStatus
 from gateway.supervisor.mqtt.commands import Commander
 from gateway.supervisor.mqtt.connection import Connection, connected
 from gateway.supervisor.mqtt.interfaces import Hear, Orders, Outbox
@@ -46,16 +47,16 @@ class Publisher:
         self._short = 0
         """Connections in a row that were made and did not hold."""
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> MqttStatus:
         """Return ``supervisor.mqtt`` of the status model."""
-        return {
-            "problem": self._problem or (taken_over(self._settings) if self._is_taken_over else None),
-            "state": "connected" if self._is_connected else "connecting",
-            "broker": self._settings.broker,
-            "connects": self._connects,
-            "published": self._tally.published,
-            "dropped_events": self._outbox.dropped,
-        }
+        return MqttStatus(
+            problem=self._problem or (taken_over(self._settings) if self._is_taken_over else None),
+            state="connected" if self._is_connected else "connecting",
+            broker=self._settings.broker,
+            connects=self._connects,
+            published=self._tally.published,
+            dropped_events=self._outbox.dropped,
+        )
 
     async def run(self) -> None:
         """Publish until cancelled; the broker is told that this is the end, if it listens."""

@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Final
 
 import msgspec
+from msgspec import to_builtins
 
 from gateway.catalogue.publishing_events import MQTT_TOPICS_NOT_NOTED
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.state.folder import write_whole
+from gateway.status.model import Model
 from gateway.supervisor.mqtt.connection import ONLINE, Connection, encode
 from gateway.supervisor.mqtt.discovery import discovery_messages
 from gateway.supervisor.mqtt.interfaces import Outbox, Payload
@@ -32,26 +34,26 @@ LARGEST: Final = 1_000_000
 """Bytes. 64 axes have some 20 000."""
 
 
-def is_known(model: Payload) -> bool:
+def is_known(model: Model) -> bool:
     """Whether the relay has ever said what it has: without that nothing is known of its axes."""
-    return model["gateway"]["snapshot_age_s"] is not None
+    return model.gateway.snapshot_age_s is not None
 
 
-def retained_messages(settings: Settings, model: Payload) -> dict[str, Payload]:
+def retained_messages(settings: Settings, model: Model) -> dict[str, Payload]:
     """Return what whoever comes late has to know, by topic; it changes seldom."""
-    topics, gateway = settings.topics, model["gateway"]
+    topics, gateway = settings.topics, model.gateway
     info = {
         "name": topics.name,
-        "version": gateway["version"],
-        "relay": gateway["relay"],
-        "lines": list(model["lines"]),
-        "axes": {name: {"units": axis["units"]} for name, axis in model["axes"].items()},
+        "version": gateway.version,
+        "relay": gateway.relay,
+        "lines": list(model.lines),
+        "axes": {name: {"units": axis.units} for name, axis in model.axes.items()},
         "interval_s": settings.interval_s,
         "commands": settings.allows_commands,
-        "verdict": model["verdict"],
-        "troubles": model["troubles"],
+        "verdict": to_builtins(model.verdict),
+        "troubles": to_builtins(model.troubles),
     }
-    tables = {topics.table(name): axis["table"] for name, axis in model["axes"].items()}
+    tables = {topics.table(name): to_builtins(axis.table) for name, axis in model.axes.items()}
     return {topics.info: info, **tables}
 
 
@@ -63,17 +65,19 @@ def without_words(payload: Payload) -> Payload:
     return {**payload, "troubles": lasting}
 
 
-def moving_topics(topics: Topics, model: Payload) -> dict[str, tuple[str, str]]:
+def moving_topics(topics: Topics, model: Model) -> dict[str, tuple[str, str]]:
     """Return the topics of what is published in every interval, each with its place in the model."""
-    lines = {topics.line(name): ("lines", name) for name in model["lines"]}
-    return lines | {topics.axis(name): ("axes", name) for name in model["axes"]}
+    lines = {topics.line(name): ("lines", name) for name in model.lines}
+    return lines | {topics.axis(name): ("axes", name) for name in model.axes}
 
 
-def moving_message(model: Payload, place: tuple[str, str]) -> Payload | None:
+def moving_message(model: Model, place: tuple[str, str]) -> Payload | None:
     """Return a line or an axis, None where there is nothing to say about it now."""
     section, name = place
-    found = model[section].get(name) if is_fresh(model) else None
-    return None if found is None else {key: each for key, each in found.items() if key != "table"}
+    parts = model.lines if section == "lines" else model.axes
+    if not is_fresh(model) or name not in parts:
+        return None
+    return {key: each for key, each in to_builtins(parts[name]).items() if key != "table"}
 
 
 class Ledger:
@@ -153,7 +157,7 @@ class Sender:
             await self._publish(self._settings.topics.event, encode(event.as_data()), qos=1)
             self._outbox.done_with(event)
 
-    async def _send_retained(self, model: Payload) -> None:
+    async def _send_retained(self, model: Model) -> None:
         wanted = {**retained_messages(self._settings, model), **discovery_messages(self._settings, model)}
         kept = {self._settings.topics.availability, *wanted}
         # As long as the relay has not said which axes there are, none of them is gone.
@@ -191,7 +195,7 @@ class Sender:
             detail = f"{error}; should an axis be taken away, its retained messages stay at the broker"
             self._say(MQTT_TOPICS_NOT_NOTED, detail=detail)
 
-    async def _send_moving(self, model: Payload) -> None:
+    async def _send_moving(self, model: Model) -> None:
         for topic, place in moving_topics(self._settings.topics, model).items():
             # Looked up here, not before the loop: a slow broker gets what is so when it is its turn.
             newest = self._outbox.model

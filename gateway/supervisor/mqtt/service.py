@@ -2,8 +2,9 @@
 
 import asyncio
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING
 
+from gateway.status.model import MqttStatus
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.mqtt.interfaces import Hear, Orders, Outbox, hear_nothing
 from gateway.supervisor.mqtt.settings import Settings
@@ -11,16 +12,6 @@ from gateway.supervisor.saying import Say
 
 if TYPE_CHECKING:
     from gateway.supervisor.mqtt.publisher import Publisher
-
-STATUS_WITHOUT: Final[dict[str, Any]] = {
-    "problem": None,
-    "state": "off",
-    "broker": None,
-    "connects": 0,
-    "published": 0,
-    "dropped_events": 0,
-}
-"""``supervisor.mqtt`` of the status model where the configuration has no ``[mqtt]``."""
 
 
 class MqttService:
@@ -49,9 +40,9 @@ class MqttService:
             self._wanted = settings
             self._is_changed.set()
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> MqttStatus:
         """Return ``supervisor.mqtt`` of the status model."""
-        return STATUS_WITHOUT if self.publisher is None else self.publisher.status()
+        return MqttStatus() if self.publisher is None else self.publisher.status()
 
     async def run(self) -> None:
         """Run until cancelled; a broker that listens is told of the end."""

@@ -15,6 +15,7 @@ from gateway.supervisor.http.answers import TCP, Limits
 from gateway.transport.certificates import now_utc
 from gateway.transport.listener import HandshakesAtOnce
 from tests.certificates import authority, signed_by
+from tests.status_models import model_of
 from tests.supervisor.http.http_bench import Answer, Line, Served, model, serving, until
 
 TOKEN = "people-0123456789abcdefghijklmnopqrstuv"
@@ -142,7 +143,7 @@ async def asking(
     write_token(folder, TOKEN)
     seen = acknowledge or (lambda *_: None)
     async with serving(folder, tcp=tcp, handshakes=handshakes, now=now, acknowledge=seen) as served:
-        served.feeds.publish(model())
+        served.feeds.publish(model_of(model()))
         before = len(served.said)
         may = acknowledge is not None
         wanted = section(served.port, certificates, tokens=tokens, clients=clients, may_acknowledge=may)

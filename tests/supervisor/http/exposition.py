@@ -8,6 +8,7 @@ from prometheus_client.parser import text_string_to_metric_families as parse_tex
 
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.metrics import Metrics
+from tests.status_models import model_of
 
 Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]
 
@@ -15,7 +16,7 @@ Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]
 def families(newest: dict[str, Any] | None, accept: str = "") -> list[Metric]:
     feeds = Feeds()
     if newest is not None:
-        feeds.publish(newest)
+        feeds.publish(model_of(newest))
     body, media_type = Metrics(feeds).page(accept)
     parse = parse_openmetrics if "openmetrics" in media_type else parse_text
     return list(parse(body.decode()))

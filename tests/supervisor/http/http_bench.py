@@ -16,6 +16,7 @@ from gateway.config.http_model import HttpSection
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
 from gateway.state.folder import write_whole
 from gateway.state.tables import compiled, digest_of, table_path
+from gateway.status.model import GatewayStatus, Model
 from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.answers import LOCAL, TCP, Limits
@@ -27,6 +28,7 @@ from gateway.supervisor.past import Noted
 from gateway.transport.certificates import now_utc
 from gateway.transport.listener import HandshakesAtOnce
 from tests.ports import free_port
+from tests.status_models import plain, relay_model_of, supervisor_of
 
 PATIENCE_S = 20.0
 BOUNDS_US = [5, 10, 100, 1000]
@@ -186,14 +188,21 @@ def model(
     supervisor: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """The whole model, as the supervisor makes it of a snapshot."""
-    return whole_model(
-        "mill-1",
-        snapshot() if seen is None else seen,
-        is_relay_up=is_relay_up,
-        snapshot_age_s=age_s,
-        tables={},
-        supervisor={**WELL, **(supervisor or {})},
+    return plain(
+        whole_model(
+            "mill-1",
+            relay_model_of(snapshot() if seen is None else seen),
+            is_relay_up=is_relay_up,
+            snapshot_age_s=age_s,
+            tables={},
+            supervisor=supervisor_of({**WELL, **(supervisor or {})}),
+        )
     )
+
+
+def large_model() -> Model:
+    """A model of more bytes than all buffers on the way hold."""
+    return Model(gateway=GatewayStatus(name="a" * 30_000_000))
 
 
 @dataclass

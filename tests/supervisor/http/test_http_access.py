@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.status_models import model_of
 from tests.supervisor.http.doors import OTHER, TOKEN, WRONG, Asking, asking, bearer, write_token
 from tests.supervisor.http.http_bench import until
 
@@ -72,9 +73,7 @@ async def test_strangers_see_the_page_that_asks_and_whether_all_is_well(tmp_path
             assert (await visitor.ask(f"/page/{name}")).status == 200
         well = await visitor.ask("/healthz")
         assert (well.status, well.body) == (200, b"ok\n")
-        visitor.served.feeds.publish(
-            {**(visitor.served.feeds.model or {}), "gateway": {"relay": "up", "snapshot_age_s": None}}
-        )
+        visitor.served.feeds.publish(model_of({"gateway": {"relay": "up", "snapshot_age_s": None}}))
         ill = await visitor.ask("/healthz")
         assert (ill.status, ill.data) == (503, {"problem": "not well; whoever shows a token is told why"})
         assert "problems" in (await visitor.ask("/healthz", bearer(TOKEN))).data
@@ -246,14 +245,14 @@ async def test_a_token_that_cannot_be_used_lets_nobody_in_and_is_a_problem(tmp_p
             path.chmod(0o644)
         for shown in (cookie, bearer(TOKEN), "Authorization: Bearer"):
             assert (await visitor.ask("/status", shown)).status == 401
-        problem = str(visitor.served.service.status["problem"])
+        problem = str(visitor.served.service.status.problem)
         assert problem.startswith('token "people": http.tokens[1].file: ')
         assert [event["detail"] for event in visitor.events("token-unusable")] == [
             f"{problem}; nobody gets in by it"
         ]
         write_token(tmp_path, OTHER)
         assert (await visitor.ask("/status", bearer(OTHER))).status == 200
-        assert visitor.served.service.status["problem"] is None
+        assert visitor.served.service.status.problem is None
 
 
 async def test_what_somebody_says_of_tokens_is_in_no_event(tmp_path: Path) -> None:
@@ -262,5 +261,5 @@ async def test_what_somebody_says_of_tokens_is_in_no_event(tmp_path: Path) -> No
         await visitor.log_in(WRONG)
         cookie = await visitor.cookie()
         await until(lambda: bool(visitor.events("token-refused")))
-        said = json.dumps(visitor.served.said) + json.dumps(visitor.served.service.status)
+        said = json.dumps(visitor.served.said) + str(visitor.served.service.status)
         assert all(secret not in said for secret in (TOKEN, WRONG, cookie.partition("=")[2]))

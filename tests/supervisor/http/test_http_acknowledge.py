@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from gateway.catalogue.troubles import DRIVE_SILENT
+from gateway.status.model import AcknowledgedBy
 from gateway.supervisor.acknowledged import Acknowledgement
 from gateway.supervisor.chronicle import Chronicle
 from gateway.supervisor.trouble import Trouble
@@ -33,7 +34,7 @@ class Alarms:
     @property
     def seen(self) -> object:
         [told] = self.chronicle.stamp([self.silent], NOON)
-        return told["acknowledged"]
+        return told.acknowledged
 
 
 async def acknowledge(visitor: Asking, *more: str, body: object = ALARM, client: str = "") -> Answer:
@@ -46,7 +47,7 @@ async def test_a_token_with_the_right_acknowledges_and_its_name_stands_there(tmp
         assert (await visitor.ask("/session", bearer(TOKEN))).data["may_acknowledge"] is True
         answer = await acknowledge(visitor, bearer(TOKEN), JSON)
         assert (answer.status, answer.data) == (200, SEEN)
-        assert alarms.seen == SEEN
+        assert alarms.seen == AcknowledgedBy(**SEEN)
 
 
 async def test_so_does_a_session_of_it(tmp_path: Path) -> None:
@@ -55,7 +56,7 @@ async def test_so_does_a_session_of_it(tmp_path: Path) -> None:
         cookie = await visitor.cookie()
         assert (await visitor.ask("/session", cookie)).data["may_acknowledge"] is True
         assert (await acknowledge(visitor, cookie, JSON, "Sec-Fetch-Site: same-origin")).data == SEEN
-        assert alarms.seen == SEEN
+        assert alarms.seen == AcknowledgedBy(**SEEN)
 
 
 async def test_a_token_that_may_look_only_does_not(tmp_path: Path) -> None:

@@ -45,8 +45,8 @@ async def test_the_end_of_the_pages_certificate_is_told_before_and_when_it_comes
         # It was made a moment before the clock was read: not quite two days are left, and not quite 100.
         assert (soon["file"], soon["days_left"]) == (str(page), 1)
         assert soon["detail"] == f"http.tls.certificate: CN=page expires on {ends.date()}"
-        certificates = visitor.served.service.status["certificates"]
-        assert [(each["key"], each["days_left"]) for each in certificates] == [
+        certificates = visitor.served.service.status.certificates
+        assert [(each.key, each.days_left) for each in certificates] == [
             ("certificate", 1),
             ("clients", 99),
         ]
@@ -77,11 +77,11 @@ async def test_serving_anew_does_not_tell_of_the_same_certificate_again(tmp_path
         wanted = section(visitor.served.port, folder, clients=True)
         visitor.served.service.configure(wanted, "mill-1", tmp_path)
         await until(lambda: len(visitor.events("http-ready")) > before)
-        assert len(visitor.served.service.status["certificates"]) == 2
+        assert len(visitor.served.service.status.certificates) == 2
         assert len(visitor.events("certificate-ends-soon")) == 1
         assert visitor.events("certificates-renewed") == []
         visitor.served.service.configure(section(visitor.served.port, None), "mill-1", tmp_path)
-        await until(lambda: visitor.served.service.status["certificates"] == [])
+        await until(lambda: visitor.served.service.status.certificates == [])
 
 
 def test_each_file_of_certificates_says_when_it_ends() -> None:

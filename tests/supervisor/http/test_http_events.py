@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from gateway.catalogue.entry import Severity
 from gateway.ipc.notes import Note
 from gateway.supervisor.feeds import EVENTS_KEPT
 from gateway.supervisor.http.answers import Limits
-from tests.supervisor.http.http_bench import Line, Served, model, serving, until
+from tests.status_models import model_of
+from tests.supervisor.http.http_bench import Line, Served, large_model, model, serving, until
 
 
 def note(number: int) -> Note:
@@ -45,7 +47,7 @@ async def test_what_happened_lately_comes_first_then_the_status_then_what_happen
     async with serving(tmp_path) as served:
         served.feeds.tell(note(1))
         served.feeds.tell(note(2))
-        served.feeds.publish(model())
+        served.feeds.publish(model_of(model()))
         line = await reading(served)
         first, second, status = await messages(line, 3)
         assert [first["event"], second["event"], status["event"]] == ["event", "event", "status"]
@@ -93,25 +95,25 @@ async def test_events_that_nobody_keeps_any_more_are_counted(tmp_path: Path) -> 
 @pytest.mark.parametrize(("query", "kinds"), [("?events", {"event"}), ("?status", {"status"})])
 async def test_a_reader_may_choose(tmp_path: Path, query: str, kinds: set[str]) -> None:
     async with serving(tmp_path, tcp=Limits(status_every_s=0.0)) as served:
-        served.feeds.publish(model())
+        served.feeds.publish(model_of(model()))
         served.feeds.tell(note(0))
         line = await reading(served, query)
         heard: list[dict[str, Any]] = []
         for number in range(5):
             heard += await messages(line, 1)
-            served.feeds.publish(model())
+            served.feeds.publish(model_of(model()))
             served.feeds.tell(note(number))
         assert {message["event"] for message in heard} == kinds
 
 
 async def test_of_many_models_only_the_newest_comes(tmp_path: Path) -> None:
     async with serving(tmp_path, tcp=Limits(status_every_s=0.2)) as served:
-        served.feeds.publish(model(age_s=0.0))
+        served.feeds.publish(model_of(model(age_s=0.0)))
         began_s = time.monotonic()
         line = await reading(served)
         assert (await messages(line, 1))[0]["data"]["gateway"]["snapshot_age_s"] == 0.0
         for number in range(1, 101):
-            served.feeds.publish(model(age_s=number / 100))
+            served.feeds.publish(model_of(model(age_s=number / 100)))
         served.feeds.tell(note(0))
         (event,) = await messages(line, 1)
         assert event["event"] == "event"  # which does not wait for its turn
@@ -133,7 +135,7 @@ async def test_a_quiet_reader_hears_that_somebody_is_still_there(tmp_path: Path)
 
 async def _publish_for_ever(served: Served) -> None:
     while True:
-        served.feeds.publish(model())
+        served.feeds.publish(model_of(model()))
         await asyncio.sleep(0)
 
 
@@ -159,14 +161,15 @@ async def test_a_reader_that_takes_nothing_costs_its_feed_and_is_dropped(tmp_pat
         slow = await reading(served)
         slow.writer.transport.pause_reading()  # type: ignore[attr-defined]
         quick = await reading(served, "?status")
-        whole = {**model(), "padding": "a" * 100_000}
+        whole = model_of(model())
+        whole.gateway.name = "a" * 100_000
         sent = 0
         async with asyncio.timeout(20):
             while len(served.feeds._feeds) == 2:
-                served.feeds.publish({**whole, "sent": sent})
+                served.feeds.publish(replace(whole, gateway=replace(whole.gateway, uptime_s=float(sent))))
                 sent += 1
                 # Whoever reads gets each of them all the same.
-                assert (await messages(quick, 1))[0]["data"]["sent"] == sent - 1
+                assert (await messages(quick, 1))[0]["data"]["gateway"]["uptime_s"] == sent - 1
         assert sent > 10
         slow.writer.transport.resume_reading()  # type: ignore[attr-defined]
         # What it was sent before it stopped, and no more: the buffers of two sockets, and one message.
@@ -176,7 +179,7 @@ async def test_a_reader_that_takes_nothing_costs_its_feed_and_is_dropped(tmp_pat
 async def test_an_answer_that_nobody_takes_is_dropped(tmp_path: Path) -> None:
     limits = Limits(stalled_s=0.2, sweep_s=0.01)
     async with serving(tmp_path, tcp=limits) as served:
-        served.feeds.publish({**model(), "padding": "a" * 30_000_000})
+        served.feeds.publish(large_model())
         line = await served.connect()
         line.writer.transport.pause_reading()  # type: ignore[attr-defined]
         await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")

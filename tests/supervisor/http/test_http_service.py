@@ -11,10 +11,12 @@ import pytest
 
 from gateway.config.http_model import HttpSection
 from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketPlace
+from gateway.status.model import HttpStatus
 from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http import service as service_module
 from gateway.supervisor.http.documents import Window
 from tests.ports import free_port
+from tests.status_models import model_of
 from tests.supervisor.http.http_bench import Served, serving, until
 
 
@@ -38,21 +40,11 @@ async def test_a_port_that_is_taken_is_tried_again(tmp_path: Path, monkeypatch: 
                     },
                 )
             ]
-            assert served.service.status == {
-                "listen": address,
-                "address": None,
-                "problem": problem,
-                "certificates": [],
-            }
+            assert served.service.status == HttpStatus(listen=address, problem=problem)
             served.said.clear()
         await until(lambda: bool(served.said))
         assert served.said == [("http-ready", {"address": f"http://{address}"})]
-        assert served.service.status == {
-            "listen": address,
-            "address": f"http://{address}",
-            "problem": None,
-            "certificates": [],
-        }
+        assert served.service.status == HttpStatus(listen=address, address=f"http://{address}")
 
 
 async def test_a_host_that_does_not_exist_is_a_problem(tmp_path: Path) -> None:
@@ -61,7 +53,7 @@ async def test_a_host_that_does_not_exist_is_a_problem(tmp_path: Path) -> None:
         served.service.configure(HttpSection(listen="nowhere.invalid:8480"), "mill-1", Path())
         await until(lambda: bool(served.said))
         assert served.said[0][0] == "http-not-open"
-        assert str(served.service.status["problem"]).startswith("nowhere.invalid:8480: ")
+        assert str(served.service.status.problem).startswith("nowhere.invalid:8480: ")
 
 
 async def test_another_address_in_the_configuration_is_taken_over(tmp_path: Path) -> None:
@@ -79,8 +71,8 @@ async def test_another_address_in_the_configuration_is_taken_over(tmp_path: Path
         _, writer = await asyncio.open_connection("::1", served.port)
         writer.transport.abort()
         served.service.configure(HttpSection(listen=""), "mill-1", Path())
-        await until(lambda: served.service.status["address"] is None)
-        assert served.service.status == {"listen": "", "address": None, "problem": None, "certificates": []}
+        await until(lambda: served.service.status.address is None)
+        assert served.service.status == HttpStatus()
         with pytest.raises(ConnectionRefusedError):
             await asyncio.open_connection("::1", served.port)
         assert (await served.ask("/metrics", is_local=True)).status == 200
@@ -146,7 +138,7 @@ async def test_a_local_socket_that_cannot_be_is_a_problem_and_no_end(tmp_path: P
     running = asyncio.create_task(service.run())
     await until(lambda: len(said) == 2)
     assert sorted(said) == ["http-not-open", "http-ready"]
-    assert "supervisor.sock" in service.status["problem"]
+    assert "supervisor.sock" in str(service.status.problem)
     served = Served(service, window.feeds, port, state)
     assert (await served.ask("/metrics")).status == 200
     running.cancel()
@@ -178,15 +170,13 @@ async def test_a_mistake_of_ours_is_an_answer_and_a_note(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with serving(tmp_path) as served:
-        served.feeds.publish({"no": "model"})
+        served.feeds.publish(model_of({"troubles": [{"kind": "none"}]}))
         failed = await served.ask("/healthz")
         assert (failed.status, failed.data) == (
             500,
             {"problem": "the supervisor made a mistake; its log says which"},
         )
         assert (await served.ask("/healthz")).status == 500
-        assert served.said[1:] == [
-            ("http-failed", {"detail": "/healthz: KeyError: 'gateway'"})
-        ]  # once a minute
+        assert served.said[1:] == [("http-failed", {"detail": "/healthz: KeyError: 'none'"})]  # once a minute
         assert (await served.ask("/status")).status == 200
     assert [record for record in caplog.records if record.levelno >= logging.WARNING] == []

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.status.model import GatewayStatus, Model
 from gateway.supervisor.http.answers import Limits
 from gateway.supervisor.http.listener import wanted_by
 from gateway.supervisor.http.refusals import site_of, tell_nobody
@@ -37,7 +38,7 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
 async def test_a_token_over_tls(tmp_path: Path, certificates: Path) -> None:
     async with asking(tmp_path, certificates) as visitor:
         port = visitor.served.port
-        assert visitor.served.service.status["address"] == f"https://127.0.0.1:{port}"
+        assert visitor.served.service.status.address == f"https://127.0.0.1:{port}"
         assert (await visitor.ask("/status")).status == 401
         assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
         answer = await visitor.log_in()
@@ -311,8 +312,8 @@ async def test_events_over_tls_come_whole(tmp_path: Path, certificates: Path) ->
         line = await visitor.connect()
         await line.say(f"GET /events HTTP/1.1\r\nHost: localhost\r\n{bearer(TOKEN)}\r\n\r\n")
         await line.until(b"event: status\n")
-        visitor.served.feeds.publish({**(visitor.served.feeds.model or {}), "more": 1})
-        await line.until(b'"more":1}')
+        visitor.served.feeds.publish(Model(gateway=GatewayStatus(name="another")))
+        await line.until(b'"name":"another"')
 
 
 async def test_a_renewed_certificate_is_shown_after_a_reload(tmp_path: Path, certificates: Path) -> None:
@@ -378,10 +379,10 @@ async def test_a_certificate_that_is_gone_is_a_problem_that_says_so(
         write_token(tmp_path, TOKEN)
         visitor.served.service.configure(section(visitor.served.port, tmp_path / "none"), "mill-1", tmp_path)
         await until(lambda: bool(visitor.events("http-not-open")))
-        assert "page.crt: no such file" in str(visitor.served.service.status["problem"])
+        assert "page.crt: no such file" in str(visitor.served.service.status.problem)
         visitor.served.service.configure(section(visitor.served.port, certificates), "mill-1", tmp_path)
         visitor.certificates = certificates
         async with asyncio.timeout(PATIENCE_S):
-            await until(lambda: visitor.served.service.status["problem"] is None)
-            await until(lambda: visitor.served.service.status["address"] is not None)
+            await until(lambda: visitor.served.service.status.problem is None)
+            await until(lambda: visitor.served.service.status.address is not None)
         assert (await visitor.ask("/status", bearer(TOKEN))).status == 200

@@ -24,6 +24,7 @@ from gateway.supervisor.supervisor import Supervisor
 from tests.child import started
 from tests.commands import typed
 from tests.processes.bench import COMMAND, ROOT, STEEPER, TABLE, Site, running, site_in, typed_apart
+from tests.status_models import plain
 from tests.supervisor.http.exposition import samples
 from tests.supervisor.http.http_bench import Served, until
 
@@ -46,7 +47,7 @@ async def supervised(site: Site) -> AsyncIterator[Served]:
     served = Served(service, supervisor.feeds, port, state)
     task = asyncio.create_task(supervisor.run())
     try:
-        await until(lambda: service.status["address"] is not None and served.local.exists())
+        await until(lambda: service.status.address is not None and served.local.exists())
         yield served
     finally:
         for line in served.lines:
@@ -69,19 +70,19 @@ async def gateway(site: Site) -> AsyncIterator[Served]:
 
 def _table(served: Served) -> dict[str, Any]:
     model = served.feeds.model
-    table: dict[str, Any] = {} if model is None or "x" not in model["axes"] else model["axes"]["x"]["table"]
+    table: dict[str, Any] = {} if model is None or "x" not in model.axes else plain(model.axes["x"].table)
     return table
 
 
 def _latency(served: Served) -> dict[str, Any]:
     assert served.feeds.model is not None
-    took_us: dict[str, Any] = served.feeds.model["axes"]["x"]["latency"]["gateway_us"]
+    took_us: dict[str, Any] = plain(served.feeds.model.axes["x"].latency.gateway_us)
     return took_us
 
 
 def _line(served: Served) -> str:
     assert served.feeds.model is not None
-    return str(served.feeds.model["lines"]["xyz"]["state"])
+    return str(served.feeds.model.lines["xyz"].state)
 
 
 PARTS = {"gateway", "lines", "axes", "supervisor", "verdict", "troubles"}
@@ -123,7 +124,7 @@ async def test_what_a_real_relay_does_is_served(site: Site) -> None:
 
 def _exchanges(served: Served) -> int:
     assert served.feeds.model is not None
-    return int(served.feeds.model["lines"]["xyz"]["exchanges"])
+    return int(served.feeds.model.lines["xyz"].exchanges)
 
 
 async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site: Site) -> None:

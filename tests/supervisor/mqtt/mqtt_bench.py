@@ -16,10 +16,11 @@ from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.publisher import Publisher
-from gateway.supervisor.mqtt.service import STATUS_WITHOUT, MqttService
+from gateway.supervisor.mqtt.service import MqttService
 from gateway.supervisor.mqtt.settings import Settings, settings_of
 from gateway.supervisor.outcome import Outcome
 from tests.mosquitto import PATIENCE_S
+from tests.status_models import plain, relay_model_of, supervisor_of
 
 ROOT = "pitch-gateway/mill-1"
 OWN = {
@@ -27,7 +28,7 @@ OWN = {
     "tables_folder": {"folder": "tables", "problem": None},
     "state_folder": {"folder": "state", "problem": None},
     "http": {"problem": None},
-    "mqtt": STATUS_WITHOUT,
+    "mqtt": {"problem": None},
 }
 LATENCY = {"p50": 41.0, "p99": 77.5, "p999": 120.0, "max": 130.0, "max_minute": 101.0, "below": [0, 3, 9]}
 
@@ -81,13 +82,15 @@ def model(
         "lines": {"xyz": {"state": "up", "exchanges": 7, "drives": drives}},
         "axes": {"x": axis()} if axes is None else axes,
     }
-    return whole_model(
-        "mill-1",
-        None if age_s is None else snapshot,
-        is_relay_up=up,
-        snapshot_age_s=age_s,
-        tables={},
-        supervisor=OWN,
+    return plain(
+        whole_model(
+            "mill-1",
+            None if age_s is None else relay_model_of(snapshot),
+            is_relay_up=up,
+            snapshot_age_s=age_s,
+            tables={},
+            supervisor=supervisor_of(OWN),
+        )
     )
 
 
@@ -152,7 +155,7 @@ class Site:
 
     @property
     def status(self) -> dict[str, Any]:
-        return self.service.status()
+        return plain(self.service.status())
 
     @property
     def publisher(self) -> Publisher:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from tests.mosquitto import Broker, BrokerLeftError, broker_in, payload_of, speaking, watching
+from tests.status_models import model_of
 from tests.supervisor.mqtt.mqtt_bench import ROOT, model, publishing, settings
 from tests.supervisor.mqtt.test_mqtt_connecting import password_file
 
@@ -107,7 +108,7 @@ async def test_the_gateway_has_everything_that_it_needs(tmp_path: Path, broker: 
         commands=True,
     )
     async with watching(broker.port, **user("viewer")) as watcher, publishing(given, tmp_path) as site:
-        site.feeds.publish(model())
+        site.feeds.publish(model_of(model()))
         await site.until_said("mqtt-connected")
         await watcher.until(f"{ROOT}/axis/x")
         async with speaking(broker.port, **user("operator")) as client:

@@ -19,6 +19,7 @@ from gateway.supervisor.mqtt.reasons import why
 from tests.certificates import authority, signed_by
 from tests.mosquitto import Broker, broker_in, mosquitto_passwd, watching
 from tests.ports import free_port
+from tests.status_models import model_of
 from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, model, publishing, settings
 
 VERSIONS = pytest.mark.parametrize("version", ["3.1.1", "5"])
@@ -157,7 +158,7 @@ async def test_a_broker_that_stalls_costs_nothing_but_its_connection(
     monkeypatch.setattr("gateway.supervisor.mqtt.connection.ANSWER_S", 1.0)
     with broker_in(tmp_path) as broker:
         async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
-            site.feeds.publish(model())
+            site.feeds.publish(model_of(model()))
             await site.until_said("mqtt-connected")
             assert broker.process is not None
             async with watching(broker.port, f"{ROOT}/#") as watcher:
@@ -249,7 +250,7 @@ async def test_a_broker_that_comes_and_goes_leaves_nothing_behind(
         async with publishing(settings(broker.port, tmp_path, version="5"), tmp_path) as site:
             for number in range(6):
                 await site.until_said("mqtt-connected", times=number + 1)
-                site.feeds.publish(model({f"a{index}": axis(number) for index in range(8)}))
+                site.feeds.publish(model_of(model({f"a{index}": axis(number) for index in range(8)})))
                 async with watching(broker.port, f"{ROOT}/#") as watcher:
                     await watcher.until(f"{ROOT}/axis/a7")
                 open_files.append(files_open())
@@ -285,7 +286,7 @@ async def test_with_tls_the_broker_proves_who_it_is(tmp_path: Path, certificates
     with broker_in(tmp_path, TLS.replace("FOLDER", str(certificates))) as broker:
         given = settings(broker.port, certificates, version=version, tls={"ca": "ca.crt"})
         async with publishing(given, tmp_path) as site:
-            site.feeds.publish(model())
+            site.feeds.publish(model_of(model()))
             await site.until_said("mqtt-connected")
             async with watching(broker.port, f"{ROOT}/#", tls_context=given.tls_context()) as watcher:
                 await watcher.until(f"{ROOT}/axis/x")

@@ -18,6 +18,7 @@ from gateway.supervisor.mqtt.interfaces import Payload
 from gateway.supervisor.mqtt.sending import moving_message, moving_topics, retained_messages
 from gateway.supervisor.mqtt.settings import Settings
 from tests.mosquitto import broker_in, payload_of, watching
+from tests.status_models import model_of
 from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, data_of, model, publishing, settings, terms
 
 SCHEMA = json.loads((Path(__file__).parent / "homeassistant_device.schema.json").read_text())
@@ -33,11 +34,11 @@ def given(folder: Path, **keys: Any) -> Settings:
 
 
 def found(folder: Path, **keys: Any) -> dict[str, Payload]:
-    return discovery_messages(given(folder, **keys), model(THREE))
+    return discovery_messages(given(folder, **keys), model_of(model(THREE)))
 
 
 def test_without_a_prefix_nothing_is_told(tmp_path: Path) -> None:
-    assert discovery_messages(settings(1883, tmp_path), model(THREE)) == {}
+    assert discovery_messages(settings(1883, tmp_path), model_of(model(THREE))) == {}
 
 
 def test_the_schema_is_one() -> None:
@@ -67,11 +68,11 @@ def test_every_topic_and_every_value_that_is_named_is_published(
     tmp_path: Path, axes: dict[str, Any], least: int
 ) -> None:
     now = model(axes)
-    published: dict[str, Any] = dict(retained_messages(given(tmp_path), now))
-    for topic, place in moving_topics(given(tmp_path).topics, now).items():
-        published[topic] = moving_message(now, place)
+    published: dict[str, Any] = dict(retained_messages(given(tmp_path), model_of(now)))
+    for topic, place in moving_topics(given(tmp_path).topics, model_of(now)).items():
+        published[topic] = moving_message(model_of(now), place)
     named = 0
-    for payload in discovery_messages(given(tmp_path), now).values():
+    for payload in discovery_messages(given(tmp_path), model_of(now)).values():
         assert payload["availability"][0] == {"topic": f"{ROOT}/availability"}
         for entity in payload["cmps"].values():
             here = published[entity["state_topic"]]
@@ -88,12 +89,12 @@ def test_every_topic_and_every_value_that_is_named_is_published(
 
 
 def test_what_is_added_to_a_table_is_a_message_of_its_own_of_the_same_device(tmp_path: Path) -> None:
-    told = discovery_messages(given(tmp_path), model(WARM))
+    told = discovery_messages(given(tmp_path), model_of(model(WARM)))
     assert sorted(told) == [f"{DEVICES}/{one}/config" for one in ("axis_x", "gateway", "terms_x")]
     of_terms, of_axis = told[f"{DEVICES}/terms_x/config"], told[f"{DEVICES}/axis_x/config"]
     jsonschema.validate(json.loads(json.dumps(of_terms)), SCHEMA)
     assert {**of_terms, "cmps": None} == {**of_axis, "cmps": None}
-    assert of_axis == discovery_messages(given(tmp_path), model())[f"{DEVICES}/axis_x/config"]
+    assert of_axis == discovery_messages(given(tmp_path), model_of(model()))[f"{DEVICES}/axis_x/config"]
     ids = [one["unique_id"] for payload in told.values() for one in payload["cmps"].values()]
     assert len(ids) == len(set(ids)) == 4 + 11 + 5
     temperature = of_terms["cmps"]["temperature"]
@@ -111,13 +112,13 @@ def test_what_is_added_to_a_table_is_a_message_of_its_own_of_the_same_device(tmp
 )
 def test_only_the_term_that_is_there_is_described(tmp_path: Path, left: str, entities: set[str]) -> None:
     only = {key: value for key, value in terms().items() if key not in {"thermal", "cross"} or key == left}
-    told = discovery_messages(given(tmp_path), model({"x": axis() | {"terms": only}}))
+    told = discovery_messages(given(tmp_path), model_of(model({"x": axis() | {"terms": only}})))
     assert set(told[f"{DEVICES}/terms_x/config"]["cmps"]) == entities
 
 
 @pytest.mark.parametrize("without", [{}, {"terms": None}])
 def test_an_axis_without_terms_has_no_such_message(tmp_path: Path, without: dict[str, Any]) -> None:
-    told = discovery_messages(given(tmp_path), model({"x": axis() | without}))
+    told = discovery_messages(given(tmp_path), model_of(model({"x": axis() | without})))
     assert sorted(told) == [f"{DEVICES}/axis_x/config", f"{DEVICES}/gateway/config"]
 
 
@@ -151,20 +152,20 @@ async def test_descriptions_are_retained_and_go_with_their_axis(tmp_path: Path) 
     with broker_in(tmp_path) as broker:
         told = settings(broker.port, tmp_path, discovery="homeassistant")
         async with publishing(told, tmp_path) as site:
-            site.feeds.publish(model(THREE))
+            site.feeds.publish(model_of(model(THREE)))
             await site.until_said("mqtt-connected")
             async with watching(broker.port, f"{ROOT}/axis/x") as watcher:
                 await watcher.until(f"{ROOT}/axis/x")
             async with watching(broker.port, "homeassistant/#") as watcher:
-                for topic in sorted(discovery_messages(told, model(THREE))):
+                for topic in sorted(discovery_messages(told, model_of(model(THREE)))):
                     if topic not in watcher.topics():  # the broker hands them out in an order of its own
                         await watcher.until(topic)
-                site.feeds.publish(model())
+                site.feeds.publish(model_of(model()))
                 gone = [
                     await watcher.until(f"{DEVICES}/axis_{name}/config", lambda p: not p) for name in "cy"
                 ]
     retained = {m.topic: data_of(payload_of(m)) for m in watcher.heard if m.retain}
-    assert retained == json.loads(json.dumps(discovery_messages(told, model(THREE))))
+    assert retained == json.loads(json.dumps(discovery_messages(told, model_of(model(THREE)))))
     assert [payload_of(message) for message in gone] == [b"", b""]
 
 
@@ -173,12 +174,12 @@ async def test_what_is_added_goes_from_the_broker_when_an_axis_has_it_no_more(tm
     with broker_in(tmp_path) as broker:
         told = settings(broker.port, tmp_path, discovery="homeassistant")
         async with publishing(told, tmp_path) as site:
-            site.feeds.publish(model(WARM))
+            site.feeds.publish(model_of(model(WARM)))
             await site.until_said("mqtt-connected")
             async with watching(broker.port) as watcher:
                 there = await watcher.until(topic)
                 moving = await watcher.until(f"{ROOT}/axis/x")
-                site.feeds.publish(model())  # as after a restart with another configuration
+                site.feeds.publish(model_of(model()))  # as after a restart with another configuration
                 await watcher.until(topic, lambda payload: not payload)
     assert data_of(payload_of(there))["cmps"]["temperature"]["p"] == "sensor"
     assert data_of(payload_of(moving))["terms"] == terms()
@@ -188,8 +189,8 @@ COMMANDS_OF_X = {f"{DEVICES}/commands/config", f"{DEVICES}/commands_x/config"}
 
 
 def test_buttons_and_switches_are_there_only_where_commands_are_allowed(tmp_path: Path) -> None:
-    without = discovery_messages(given(tmp_path), model())
-    told = discovery_messages(given(tmp_path, commands=True), model())
+    without = discovery_messages(given(tmp_path), model_of(model()))
+    told = discovery_messages(given(tmp_path, commands=True), model_of(model()))
     assert set(told) - set(without) == COMMANDS_OF_X
     assert {topic: told[topic] for topic in without} == without
     for topic, payload in told.items():
@@ -207,7 +208,7 @@ def test_buttons_and_switches_are_there_only_where_commands_are_allowed(tmp_path
 
 @pytest.mark.parametrize("state", COMPENSATION_STATES)
 def test_the_switch_shows_whether_the_axis_is_off(tmp_path: Path, state: str) -> None:
-    told = discovery_messages(given(tmp_path, commands=True), model())
+    told = discovery_messages(given(tmp_path, commands=True), model_of(model()))
     switch = told[f"{DEVICES}/commands_x/config"]["cmps"]["switch"]
     shown = rendered(switch["value_template"], {"compensation": state})
     assert shown == (switch["state_off"] if state == "off" else switch["state_on"])
@@ -218,7 +219,7 @@ async def test_what_a_button_and_a_switch_send_is_carried_out(tmp_path: Path) ->
     with broker_in(tmp_path) as broker:
         told = settings(broker.port, tmp_path, discovery="homeassistant", commands=True)
         async with watching(broker.port) as watcher, publishing(told, tmp_path) as site:
-            site.feeds.publish(model())
+            site.feeds.publish(model_of(model()))
             described = [
                 data_of(payload_of(await watcher.until(topic)))["cmps"] for topic in sorted(COMMANDS_OF_X)
             ]
@@ -239,18 +240,18 @@ async def test_buttons_and_switches_go_from_the_broker_when_commands_are_switche
         told = settings(broker.port, tmp_path, discovery="homeassistant", commands=True)
         without = settings(broker.port, tmp_path, discovery="homeassistant")
         async with watching(broker.port, "homeassistant/#") as watcher, publishing(told, tmp_path) as site:
-            site.feeds.publish(model())
+            site.feeds.publish(model_of(model()))
             for topic in sorted(COMMANDS_OF_X):
                 await watcher.until(topic, lambda payload: payload != b"")
             site.service.follow(without)  # as a reload does
-            site.feeds.publish(model())
+            site.feeds.publish(model_of(model()))
             for topic in sorted(COMMANDS_OF_X):
                 await watcher.until(topic, lambda payload: payload == b"")
             async with watching(broker.port, "homeassistant/#") as later:
-                for topic in sorted(discovery_messages(without, model())):
+                for topic in sorted(discovery_messages(without, model_of(model()))):
                     if topic not in later.topics():
                         await later.until(topic)
-    assert later.topics() == set(discovery_messages(without, model()))
+    assert later.topics() == set(discovery_messages(without, model_of(model())))
 
 
 def test_the_project_s_address_is_that_of_pyproject(tmp_path: Path) -> None:

@@ -4,8 +4,9 @@ import asyncio
 from pathlib import Path
 
 from gateway.catalogue.process_events import SUPERVISING
-from gateway.supervisor.mqtt.service import STATUS_WITHOUT
+from gateway.status.model import MqttStatus
 from tests.mosquitto import broker_in, payload_of, watching
+from tests.status_models import model_of, plain
 from tests.supervisor.mqtt.mqtt_bench import ROOT, data_of, model, publishing, settings
 
 
@@ -15,7 +16,7 @@ async def test_other_settings_hold_at_once_and_the_same_ones_change_nothing(tmp_
             publishing(settings(broker.port, tmp_path), tmp_path) as site,
             watching(broker.port) as watcher,
         ):
-            site.feeds.publish(model())
+            site.feeds.publish(model_of(model()))
             await watcher.until(f"{ROOT}/axis/x")
             site.service.follow(settings(broker.port, tmp_path))
             await watcher.until(f"{ROOT}/axis/x")
@@ -31,8 +32,8 @@ async def test_other_settings_hold_at_once_and_the_same_ones_change_nothing(tmp_
 async def test_it_can_be_left_out_and_come_back(tmp_path: Path) -> None:
     with broker_in(tmp_path) as broker:
         async with watching(broker.port) as watcher, publishing(None, tmp_path) as site:
-            site.feeds.publish(model())
-            assert site.status == STATUS_WITHOUT
+            site.feeds.publish(model_of(model()))
+            assert site.status == plain(MqttStatus())
             for _ in range(2):
                 site.service.follow(settings(broker.port, tmp_path))
                 await watcher.until(f"{ROOT}/axis/x")
@@ -42,7 +43,7 @@ async def test_it_can_be_left_out_and_come_back(tmp_path: Path) -> None:
                 async with asyncio.timeout(30):
                     while site.service.publisher is not None:  # noqa: ASYNC110 - nothing is told of this
                         await asyncio.sleep(0)
-                assert site.status == STATUS_WITHOUT
+                assert site.status == plain(MqttStatus())
 
 
 async def test_a_reload_that_changes_the_topics_is_answered_all_the_same(tmp_path: Path) -> None:

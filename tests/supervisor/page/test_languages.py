@@ -10,6 +10,7 @@ from gateway.catalogue.said import Said, said
 from gateway.supervisor import page
 from gateway.supervisor.http.answers import json_bytes
 from gateway.supervisor.trouble import troubles
+from tests.status_models import model_of
 from tests.supervisor.http.http_bench import snapshot
 from tests.supervisor.page.stage import FOLDER
 from tools.languages import english
@@ -73,8 +74,8 @@ def test_a_sentence_is_english_and_knows_what_it_is_made_of() -> None:
 def test_a_trouble_says_its_parts_beside_its_words() -> None:
     relay: dict[str, Any] = {**snapshot(), "supervisor": None}
     relay["gateway"] |= {"snapshot_age_s": 3.0}
-    [silent] = [found for found in troubles(relay) if found.entry.kind == "relay-silent"]
-    told = json.loads(json_bytes(silent.as_data("2026-05-01T12:00:00+00:00")))
+    [silent] = [found for found in troubles(model_of(relay)) if found.entry.kind == "relay-silent"]
+    told = json.loads(json_bytes(silent.status("2026-05-01T12:00:00+00:00", None)))
     assert told["what"] == "the relay has said nothing for 3 s: the machine may not obey"
     assert told["says"] == {
         "text": "the relay has said nothing for {span}: the machine may not obey",

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.cli.recordings import plan_of
+from gateway.commissioning.recordings import plan_of
 from gateway.config.load import load
 from gateway.config.recording_header import header_of
 from gateway.recording.replay import ReplayError

@@ -1,7 +1,8 @@
-"""Applied Motion and MOONS' drives with the 16-bit map: TSM, STM, SSM, STAC, ST-Q, M2DC.
+"""Applied Motion and MOONS' drives, with the 16-bit map (TSM, STM, SSM, STAC, ST-Q, M2DC) and the 32-bit one.
 
 Source: Applied Motion Products, Host Command Reference, appendix on Modbus (register map, opcodes of 40125),
-which numbers registers from 40001.
+which numbers registers from 40001; MDX+ series Modbus register map. The 32-bit map (MDX+, MDXT, MBDV) is as
+the other, but nearly every register is a pair.
 
 The opcode decides what the number in DI means. Not simulated: jog, feeds to a sensor, stored programs (all
 are noted), word order by parameter, a second axis at +1000, writes that start motion in control modes 10 and
@@ -10,8 +11,7 @@ are noted), word order by parameter, a second axis at +1000, writes that start m
 
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of, within
-from gateway.simulator.drives.motor import Basis
+from gateway.simulator.drives.motor_drive import Basis, MotorDrive, bits_of
 
 ALARM: Final = 0
 STATUS: Final = 1
@@ -21,7 +21,12 @@ COMMANDED: Final = 6
 DISTANCE: Final = 30
 OPCODE: Final = 124
 PARAMETERS: Final = 125
-KNOWN: Final = ((0, 199),)
+WIDE_STATUS: Final = 2
+"""In the 32-bit map, as the next four; the alarm lies in both at 0."""
+WIDE_COMMANDED: Final = 6
+WIDE_ENCODER: Final = 10
+WIDE_JOG_SPEED: Final = 342
+WIDE_DISTANCE: Final = 350
 
 FEED_RELATIVE: Final = 0x66
 FEED_ABSOLUTE: Final = 0x67
@@ -44,21 +49,16 @@ STOPS: Final = frozenset({0xD8, 0xE1, 0xE2})
 
 
 class AppliedMotion16(MotorDrive):
-    """See the module."""
+    """The 16-bit map: TSM, STM, SSM, STAC, ST-Q, M2DC."""
 
     functions = frozenset({3, 6, 16})
     distance = DISTANCE
     positions: tuple[int, ...] = (ENCODER, COMMANDED)
-    known = KNOWN
+    known = ((0, 199),)
 
     is_enabled = True
 
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, self.known)
-
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         for address in self.positions:
             self.put32(address, self.motor.actual_counts)
         self.show_status(self.status())
@@ -81,7 +81,6 @@ class AppliedMotion16(MotorDrive):
         self.image.set_word(STATUS, status)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         if OPCODE in before:
             self._execute(self.image.word(OPCODE), now_s)
 
@@ -110,3 +109,21 @@ class AppliedMotion16(MotorDrive):
             motor.other()
         elif opcode not in HARMLESS:
             self.unheard_of(OPCODE, opcode)
+
+
+class AppliedMotion32(AppliedMotion16):
+    """The 32-bit map: MDX+, MDXT, MBDV."""
+
+    distance = WIDE_DISTANCE
+    positions = (WIDE_COMMANDED, WIDE_ENCODER)
+    known = ((0, 511),)
+
+    def written(self, before: dict[int, int], now_s: float) -> None:
+        """The speed acts while it jogs, and 0 lets it stand."""
+        if WIDE_JOG_SPEED + 1 in before and self.get32(WIDE_JOG_SPEED) == 0:
+            self.motor.stop(now_s)
+        super().written(before, now_s)
+
+    def show_status(self, status: int) -> None:
+        self.put32(ALARM, int(self.motor.has_alarm))
+        self.put32(WIDE_STATUS, status)

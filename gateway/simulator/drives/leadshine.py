@@ -1,6 +1,7 @@
-"""Leadshine steppers with PR paths: CS2RS, iCL-RS, EM2RS / DM-RS (and the StepperOnline versions of them).
+"""Leadshine drives with PR paths: steppers (CS2RS, iCL-RS, EM2RS / DM-RS, also of StepperOnline) and servos.
 
-Source: user manuals of the iCL-RS and CS2RS series (registers of Pr8 and Pr9, chapter on communication).
+Source: user manuals of the iCL-RS and CS2RS series (registers of Pr8 and Pr9, chapter on communication); for
+the servos EL7-RS user manual V2.0.1, and those of L7, T6 and ELD2, as published programs cite them.
 
 Simulated: 16 paths, one-frame moves, homing, zero, quick stop, proxies 0x0F00 to 0x0F09, the save status that
 clears when it is read, the answer to a wrong check sum. Not simulated: jumps from path to path, interruption
@@ -10,8 +11,7 @@ rules of paths (a new one always interrupts), speeds, jog, enforcement of the so
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.simulator.drives.endpoint import MotorDrive, bits_of, within
-from gateway.simulator.drives.motor import Basis, Motor
+from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of
 from gateway.times import NS_PER_MS, NS_PER_S
 
 PROXIES: Final = 0x0F00
@@ -55,6 +55,15 @@ MOTOR_ON: Final = 0x000F
 """Of the closed-loop models: 0 takes the current away where the enabling input is off."""
 
 KNOWN: Final = ((0x0000, 0x0FFF), (0x1000, 0x2FFF), (0x6000, 0x6FFF))
+SERVO_ALARM: Final = 0x0B03
+SERVO_STATE: Final = 0x0B05
+SERVO_CONTROL: Final = 0x0033
+SERVO_MONITORED: Final = (0x0B14, 0x0B16)
+"""Commanded and measured position once more."""
+REFERENCES: Final = 0x00C0
+TO_COMMANDED: Final = 0x0040
+TO_MOTOR: Final = 0x0080
+
 TURNAROUND_MS: Final = {9600: 24.9, 19200: 13.34, 38400: 7.12, 115200: 3.08}
 """From the first bit of a two-register read to the last one of its reply."""
 READ_CHARACTERS: Final = 8 + 9
@@ -63,9 +72,10 @@ WRONG_CRC: Final = 8
 
 
 class LeadshinePr(MotorDrive):
-    """See the module."""
+    """Steppers: CS2RS, iCL-RS, EM2RS / DM-RS."""
 
     functions = frozenset({3, 6, 16})
+    known = KNOWN
     auxiliaries: tuple[int, ...] = (AUXILIARY,)
     """Registers of the control word."""
     harmless = frozenset({NOTHING, 0x2244})
@@ -81,10 +91,6 @@ class LeadshinePr(MotorDrive):
         super().__init__(unit_id, motors)
         self._path: int | None = None
 
-    def has(self, address: int, count: int) -> bool:
-        """See :class:`RegisterServer`."""
-        return within(address, count, KNOWN)
-
     def bad_crc_reply(self, function: int) -> bytes | None:
         """Answer it, which no other drive does."""
         return bytes((function | 0x80, WRONG_CRC))
@@ -97,7 +103,6 @@ class LeadshinePr(MotorDrive):
         return max(0.0, TURNAROUND_MS[baudrate] * NS_PER_MS - wire_ns) / NS_PER_S
 
     def show(self) -> None:
-        """See :class:`MotorDrive`."""
         motor = self.motor
         for address in (COMMANDED, COMMANDED_MIRROR, ACTUAL, ACTUAL_MIRROR):
             self.put32(address, motor.actual_counts)
@@ -126,7 +131,6 @@ class LeadshinePr(MotorDrive):
         self.image.set_word(ALARM, int(motor.has_alarm))
 
     def read_words(self, address: int, count: int) -> bytes:
-        """See :class:`RegisterServer`."""
         for proxy in range(PROXIES, PROXIES + PROXY_COUNT):
             self.image.set_word(proxy, self.image.word(self._target_of(proxy)))
         words = super().read_words(address, count)
@@ -135,7 +139,6 @@ class LeadshinePr(MotorDrive):
         return words
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """See :class:`MotorDrive`."""
         for proxy in range(PROXIES, PROXIES + PROXY_COUNT):
             if proxy in before and self._target_of(proxy):
                 self.write_words(self._target_of(proxy), self.image.words(proxy, 1), now_s)
@@ -206,3 +209,52 @@ class LeadshinePr(MotorDrive):
     def _show_trigger(self, value: int) -> None:
         self.image.set_word(TRIGGER, value)
         self.image.set_word(TRIGGER_ALIAS, value)
+
+
+class LeadshineEl7(LeadshinePr):
+    """Servos: EL7-RS, and the ELD2-RS, L7-RS, iSV2-RS and T6 families.
+
+    The block of paths is that of the steppers; bits 6 and 7 of a mode are one field, the state stands
+    elsewhere, and a wrong check sum is not known to be answered. The drive is commissioned: PR mode chosen
+    (Pr0.01 = 6) and the servo switched on by an input, because programs do not agree on the register that
+    would do it (0x0401, 0x0405, 0x0409).
+    """
+
+    auxiliaries = (AUXILIARY, SERVO_CONTROL)
+    harmless = frozenset({NOTHING, 0x1122})
+    is_switched_by_bus = False
+
+    def go(self, mode: int, target: int, now_s: float) -> None:
+        match mode & REFERENCES:
+            case 0:
+                self.motor.absolute(target, now_s)
+            case reference if reference == TO_COMMANDED:
+                self.motor.relative(target, Basis.COMMANDED, now_s)
+            case reference if reference == TO_MOTOR:
+                self.motor.relative(target, Basis.ACTUAL, now_s)
+            case _:
+                self.unheard_of(PATHS, mode)
+
+    def bad_crc_reply(self, function: int) -> bytes | None:
+        """Stay silent."""
+        return None
+
+    def response_delay_s(self, baudrate: int) -> float:
+        """Return 0: the delay of the servos is not published."""
+        return 0.0
+
+    def show_status(self) -> None:
+        motor = self.motor
+        for address in SERVO_MONITORED:
+            self.put32(address, motor.actual_counts)
+        self.image.set_word(
+            SERVO_STATE,
+            bits_of(
+                b0=not motor.has_alarm,
+                b1=not motor.has_alarm,
+                b2=motor.has_alarm,
+                b3=motor.is_homed,
+                b4=motor.is_done,
+            ),
+        )
+        self.image.set_word(SERVO_ALARM, int(motor.has_alarm))

@@ -1,0 +1,90 @@
+"""What cycle time the lines of a gateway can hold, worked out before anything is wired."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gateway.budget.as_data import line_data, remedy_data
+from gateway.budget.line import LineBudget, line_budget
+from gateway.budget.sequence import AS_MAPPED, Blocks, misfits
+from gateway.budget.verdict import Grade, Remedy, judge, remedies
+from gateway.config.findings import Findings
+from gateway.config.load import Loaded
+from gateway.config.problems import Problem
+from gateway.state.plan import LinePlan
+
+
+class MisfitError(Exception):
+    """A drive does not take such a block: figures would be for nothing. ``problems``: why, of each."""
+
+    def __init__(self, problems: tuple[str, ...]) -> None:
+        super().__init__("\n".join(problems))
+        self.problems = problems
+
+
+@dataclass(frozen=True, slots=True)
+class LineFigures:
+    """One line."""
+
+    plan: LinePlan
+    budget: LineBudget
+    remedies: Mapping[str, tuple[Remedy, ...]]
+    """What would make it faster, by controller."""
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        of_controllers = {
+            name: [remedy_data(each) for each in found] for name, found in self.remedies.items()
+        }
+        return {**line_data(self.budget), "remedies": of_controllers}
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """All lines."""
+
+    gateway: str
+    lines: tuple[LineFigures, ...]
+    problems: tuple[Problem, ...]
+    """What cannot be met."""
+    warnings: tuple[Problem, ...]
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "ok": not self.problems,
+            "gateway": self.gateway,
+            "lines": {line.plan.name: line.as_data() for line in self.lines},
+            "problems": [problem.as_dict() for problem in self.problems],
+            "warnings": [warning.as_dict() for warning in self.warnings],
+        }
+
+
+def work_out(loaded: Loaded, blocks: Blocks = AS_MAPPED) -> Budget:
+    """Work out what the lines of a configuration can hold.
+
+    ``blocks``: registers that controllers read, and write targets in, beyond what is mapped.
+
+    Raises:
+        MisfitError: a drive does not take such a block.
+    """
+    plan = loaded.plan
+    wrong = tuple(said for line in plan.lines for axis in line.axes for said in misfits(axis, blocks))
+    if wrong:
+        raise MisfitError(wrong)
+    findings = Findings(loaded.document)
+    for line in plan.lines:
+        for judgement in judge(line, blocks):
+            note = findings.refuse if judgement.grade is Grade.IMPOSSIBLE else findings.warn
+            note(judgement.key, judgement.found, judgement.remedy)
+    return Budget(
+        plan.name,
+        tuple(_figures(line, blocks) for line in plan.lines),
+        tuple(findings.problems),
+        tuple(findings.warnings),
+    )
+
+
+def _figures(plan: LinePlan, blocks: Blocks) -> LineFigures:
+    found = {link.plan.name: remedies(plan, index, blocks) for index, link in enumerate(plan.controllers)}
+    return LineFigures(plan, line_budget(plan, blocks), found)

@@ -1,0 +1,169 @@
+"""A recording, as a file: the configuration that it holds, and what comes of running it again."""
+
+import tempfile
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+from typing import Any, Final
+
+from gateway.config.load import load
+from gateway.config.recording_header import ANY_BYTES
+from gateway.exchange.events import Event
+from gateway.files import open_regular_file
+from gateway.recording.replay import Replay, ReplayError, ReplayResult
+from gateway.recording.traffic import (
+    CAPTURED,
+    FORMAT,
+    WITHOUT_PEERS,
+    End,
+    Entry,
+    Header,
+    Input,
+    Output,
+    Port,
+    WrongEntryError,
+    decode,
+)
+from gateway.state.plan import GatewayPlan, as_started
+
+LONGEST_LINE: Final = 64_000_000
+"""A header holds every table: more than the largest that is read."""
+TABLES_FOLDER: Final = "tables"
+
+
+class RecordedFile:
+    """A recording of which the header is read; it is replayed once.
+
+    Raises:
+        ReplayError, WrongEntryError: it is no recording.
+        FileRefusedError, OSError: it cannot be read.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._entries = _entries(file)
+        self._first = next(self._entries, None)
+        if self._first is None or not isinstance(self._first[1], Header):
+            raise ReplayError("no recording: it does not begin with a header")
+        self.header = self._first[1]
+
+    def plan(self, other: GatewayPlan | None = None) -> GatewayPlan:
+        """Return the plan that it is replayed with: that of its own configuration, or another.
+
+        Raises:
+            ReplayError, ConfigErrors: as :func:`plan_of`.
+        """
+        plan = plan_of(self.header) if other is None else other
+        if self.header.format == WITHOUT_PEERS:
+            plan = _for_any_writer(plan)
+        # the records of the axes of a capture name the tables that are in force
+        return as_started(plan) if self.header.format == CAPTURED else plan
+
+    def replay(
+        self,
+        plan: GatewayPlan,
+        line: str | None = None,
+        on_entry: Callable[[Input | Output, bool], None] | None = None,
+        on_event: Callable[[str, Event], None] | None = None,
+    ) -> ReplayResult:
+        """Run it through the exchange again and compare what comes out.
+
+        ``on_entry`` is told of what was on the line, and whether it differs.
+
+        Raises:
+            ReplayError: there is no such line, or nothing can be compared.
+            WrongEntryError, OSError: it goes on with something else, or cannot be read to its end.
+        """
+        again = Replay(plan, line, on_event)
+        assert self._first is not None
+        again.feed(*self._first)
+        for number, entry in self._entries:
+            different = again.result.different
+            is_ours = again.feed(number, entry)
+            if on_entry and is_ours and not isinstance(entry, Header | End | Port):
+                on_entry(entry, again.result.different > different)
+        if again.result.before and not again.result.inputs:
+            raise ReplayError(
+                "nothing in this capture says what held while its line was idle, and no replay can begin; "
+                "look at the frames with capture --pcapng, or let size_mb in [capture] be larger"
+            )
+        return again.result
+
+
+def _entries(file: Path) -> Iterator[tuple[int, Entry]]:
+    """Yield the entries of a file with their line numbers; a last line that was cut off is left out."""
+    with open_regular_file(file, "a recording") as lines:
+        number = 0
+        while data := lines.readline(LONGEST_LINE):
+            number += 1
+            if len(data) == LONGEST_LINE:
+                raise WrongEntryError(f"line {number}: more than {LONGEST_LINE} bytes; this is no recording")
+            if not data.endswith(b"\n") and number > 1:
+                return
+            try:
+                yield number, decode(data)
+            except WrongEntryError as error:
+                raise WrongEntryError(f"line {number}: {error}") from None
+
+
+def plan_of(header: Header) -> GatewayPlan:
+    """Return the plan of the configuration in a recording, wherever its files were.
+
+    Raises:
+        ReplayError: a recording of another format, or a configuration that cannot be laid out here.
+        ConfigErrors: this release does not accept the configuration.
+    """
+    if header.format not in (FORMAT, CAPTURED, WITHOUT_PEERS):
+        raise ReplayError(
+            f"a recording of format {header.format}, made by release {header.gateway_version}; "
+            f"this release replays formats {WITHOUT_PEERS} to {CAPTURED}"
+        )
+    with tempfile.TemporaryDirectory(prefix="pitch-gateway-replay-") as name:
+        folder = Path(name)
+        config = folder / (Path(header.config_name).name or "gateway.toml")
+        files = {PurePosixPath(TABLES_FOLDER) / n: text for n, text in header.tables.items()}
+        moved = {old: f"files/{i}.toml" for i, old in enumerate(sorted(header.files))}
+        files |= {PurePosixPath(new): header.files[old] for old, new in moved.items()}
+        for place, content in files.items():
+            path = folder / place.parent / place.name
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(content.encode(ANY_BYTES))
+        (folder / TABLES_FOLDER).mkdir(exist_ok=True)
+        config.write_bytes(_portable(header.config, moved).encode("utf-8"))
+        return load(config, is_elsewhere=True).plan
+
+
+def _for_any_writer(plan: GatewayPlan) -> GatewayPlan:
+    """Return the plan of a recording that knows no hosts: as then, everybody may move every axis."""
+    lines = (
+        replace(line, axes=tuple(replace(axis, has_one_writer=False) for axis in line.axes))
+        for line in plan.lines
+    )
+    return replace(plan, lines=tuple(lines))
+
+
+def _plain(text: str) -> str:
+    return text.removeprefix("\ufeff").replace("\r\n", "\n")
+
+
+def _portable(text: str, moved: dict[str, str]) -> str:
+    """Return a configuration with its files under the names that they have beside it now."""
+    before: dict[str, Any] = tomllib.loads(_plain(text))
+    wanted: dict[str, Any] = tomllib.loads(_plain(text))
+    tables = before.get("gateway", {}).get("tables", TABLES_FOLDER)
+    changes = {**moved, tables: TABLES_FOLDER}
+    if tables != TABLES_FOLDER:
+        wanted["gateway"]["tables"] = TABLES_FOLDER
+    for axis in wanted.get("axis", {}).values():
+        axis["drive"] = moved.get(axis["drive"], axis["drive"]) if "drive" in axis else None
+        if axis["drive"] is None:
+            del axis["drive"]
+    changed = _plain(text)
+    for old, new in changes.items():
+        changed = changed.replace(f'"{old}"', f'"{new}"').replace(f"'{old}'", f'"{new}"')
+    if tomllib.loads(changed) != wanted:
+        raise ReplayError(
+            f"the files of its configuration cannot be laid out here (tables = {tables!r}); "
+            "give the configuration with --config"
+        )
+    return changed

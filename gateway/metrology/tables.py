@@ -1,0 +1,70 @@
+"""A table between its points, and beyond its ends, where its end values hold; how much two tables differ."""
+
+from dataclasses import dataclass
+
+from gateway.compensation.direction import Direction
+from gateway.compensation.table import CorrectionTable
+from gateway.metrology.readings import APPROACHES
+
+
+def correction_at(table: CorrectionTable, position: float, direction: Direction) -> float:
+    """Return the amount that a table adds at a machine position, in its units.
+
+    >>> from gateway.compensation.table import make_table
+    >>> from gateway.compensation.units import Units
+    >>> table = make_table([0, 10], [0.0, 0.02], [0.0, 0.0], Units.MM)
+    >>> correction_at(table, 5, Direction.FORWARD), correction_at(table, 99, Direction.FORWARD)
+    (0.01, 0.02)
+    """
+    curve = table.backward if direction is Direction.BACKWARD else table.forward
+    inside = min(max(position, table.first), table.last)
+    index = table.segment(inside)
+    left, right = table.positions[index], table.positions[index + 1]
+    share = (inside - left) / (right - left)
+    # Exact at both points: rounding must not move what was measured.
+    return curve[index + 1] if share == 1.0 else curve[index] + share * (curve[index + 1] - curve[index])
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """How much two tables differ: the largest difference, where, and the root of the mean square."""
+
+    largest: float
+    position: float
+    direction: Direction
+    rms: float
+
+
+def change(before: CorrectionTable, after: CorrectionTable) -> Change:
+    """Compare two tables at the points of the second."""
+    differences = [
+        (abs(correction_at(after, x, way) - correction_at(before, x, way)), x, way)
+        for way in APPROACHES
+        for x in after.positions
+    ]
+    largest, position, way = max(differences, key=lambda difference: difference[0])
+    mean_square = sum(size * size for size, _, _ in differences) / len(differences)
+    return Change(largest, position, way, mean_square**0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """The largest difference that other points make, between the points too, and where it is."""
+
+    size: float
+    position: float
+    direction: Direction
+
+
+def loss(before: CorrectionTable, after: CorrectionTable) -> Loss:
+    """Return the largest difference of two tables over the range of the first; outside a table is held."""
+    low, high = before.first, before.last
+    places = sorted({*before.positions, *(x for x in after.positions if low <= x <= high)})
+    return max(
+        (
+            Loss(abs(correction_at(before, x, way) - correction_at(after, x, way)), x, way)
+            for way in APPROACHES
+            for x in places
+        ),
+        key=lambda found: found.size,
+    )

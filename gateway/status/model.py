@@ -1,0 +1,187 @@
+"""The whole of it: the gateway, its lines and axes, the supervisor, and what is wrong."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Final
+
+from msgspec import UNSET, Struct, UnsetType, field, to_builtins
+
+from gateway.status.axis import AxisStatus, RivalsStatus, WholeAxis
+from gateway.status.counters import Counter, counters_of
+from gateway.status.line import (
+    LINE_COUNTERS,
+    CertificateStatus,
+    ControllerStatus,
+    CutThroughStatus,
+    DrivesStatus,
+    Forwarded,
+    LineStatus,
+    TlsStatus,
+    UnitStatus,
+)
+
+
+class Scheduling(Struct, frozen=True, kw_only=True):
+    """What the kernel says of the relay's thread; ``fifo`` 0: an ordinary one."""
+
+    fifo: int = 0
+    cpus: list[int] = []
+    memory_locked: bool = False
+
+
+class Garbage(Struct, frozen=True, kw_only=True):
+    """Collections of garbage."""
+
+    collections: int = 0
+    full: int = 0
+    forced: int = 0
+    collected: int = 0
+    longest_us: int = 0
+
+
+class Loop(Struct, frozen=True, kw_only=True):
+    """The longest step of the relay's loop."""
+
+    longest_us: float = 0.0
+    longest: str | None = None
+
+
+class GatewayStatus(Struct, kw_only=True):
+    """The gateway itself. What the relay tells is UNSET until it was reached."""
+
+    name: str = ""
+    version: str = ""
+    compiled: bool | UnsetType = UNSET
+    uptime_s: float | None = None
+    relay: str = ""
+    snapshot_age_s: float | None = None
+    scheduling: Scheduling | UnsetType = UNSET
+    garbage: Garbage | UnsetType = UNSET
+    loop: Loop | UnsetType = UNSET
+    latency_bounds_us: list[int] | UnsetType = UNSET
+
+
+class ConfigurationStatus(Struct, frozen=True, kw_only=True):
+    """The configuration file."""
+
+    file: str = ""
+    problem: str | None = None
+
+
+class FolderStatus(Struct, frozen=True, kw_only=True):
+    """A folder that the supervisor looks after."""
+
+    folder: str = ""
+    problem: str | None = None
+
+
+class HttpStatus(Struct, frozen=True, kw_only=True):
+    """The page."""
+
+    listen: str = ""
+    address: str | None = None
+    problem: str | None = None
+    certificates: list[CertificateStatus] = []
+
+
+class MqttStatus(Struct, frozen=True, kw_only=True):
+    """MQTT; the state is ``off`` where the configuration has none."""
+
+    problem: str | None = None
+    state: str = "off"
+    broker: str | None = None
+    connects: Annotated[int, Counter("connects", "connections to the MQTT broker since the start")] = 0
+    published: Annotated[int, Counter("published", "messages to the MQTT broker since the start")] = 0
+    dropped_events: Annotated[
+        int,
+        Counter(
+            "dropped events",
+            "events that were not published over MQTT, because the broker was away for too long",
+            "see that the broker runs and can be reached; what happened meanwhile stands in the log",
+        ),
+    ] = 0
+
+
+class SupervisorStatus(Struct, frozen=True, kw_only=True):
+    """What the supervisor says of itself; a ``problem`` is None where all is well."""
+
+    configuration: ConfigurationStatus = ConfigurationStatus()
+    tables_folder: FolderStatus = FolderStatus()
+    state_folder: FolderStatus = FolderStatus()
+    http: HttpStatus = HttpStatus()
+    mqtt: MqttStatus = MqttStatus()
+
+
+class AcknowledgedBy(Struct, frozen=True, kw_only=True):
+    """Who has seen a trouble, and when."""
+
+    by: str = ""
+    at: str = ""
+
+
+class TroubleStatus(Struct, frozen=True, kw_only=True):
+    """Something that is wrong right now."""
+
+    kind: str = ""
+    severity: str = ""
+    audience: str = "operator"
+    """Of all: whoever filtered by it sees every trouble."""
+    where: str = ""
+    what: str = ""
+    says: Any = None
+    """The same as template and values (``catalogue.said``)."""
+    remedy: str = ""
+    since: str = ""
+    axes: list[str] = []
+    acknowledged: AcknowledgedBy | None = None
+
+
+class Verdict(Struct, frozen=True, kw_only=True):
+    """How the gateway is."""
+
+    state: str = ""
+    since: str = ""
+    errors: int = 0
+    warnings: int = 0
+
+
+class RelayModel(Struct, kw_only=True):
+    """What the relay tells."""
+
+    gateway: GatewayStatus = field(default_factory=GatewayStatus)
+    lines: dict[str, LineStatus] = {}
+    axes: dict[str, AxisStatus] = {}
+
+
+class Model(Struct, kw_only=True):
+    """The status model: what the relay tells, with what the supervisor adds."""
+
+    gateway: GatewayStatus = field(default_factory=GatewayStatus)
+    lines: dict[str, LineStatus] = {}
+    axes: dict[str, WholeAxis] = {}
+    supervisor: SupervisorStatus | None = None
+    """None: there is no supervisor."""
+    troubles: list[TroubleStatus] = []
+    verdict: Verdict = Verdict()
+    """Of an older release without a word."""
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        data: dict[str, Any] = to_builtins(self)
+        return data
+
+
+_PARTS: Final = (
+    UnitStatus,
+    ControllerStatus,
+    TlsStatus,
+    DrivesStatus,
+    RivalsStatus,
+    Forwarded,
+    CutThroughStatus,
+    MqttStatus,
+)
+COUNTERS: Final[Mapping[str, Counter]] = {
+    **LINE_COUNTERS,
+    **{name: each for part in _PARTS for name, each in counters_of(part).items()},
+}
+"""Every counter, by its key in the status."""
