@@ -19,7 +19,7 @@ from gateway.status.line import ControllerStatus, LineStatus
 from gateway.status.times import NOT_WORKED_OUT, Figures, GatewayTimes
 from gateway.times import NS_PER_S, NS_PER_US
 
-SHARES: Final = (0.5, 0.99, 0.999)
+SHARES: Final[tuple[float, ...]] = (0.5, 0.99, 0.999)
 BOUNDS_US: Final = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 """Of the histogram of gateway time that the status shows; the budget lies in the middle of them."""
 STEPS: Final = 3
