@@ -60,8 +60,8 @@ async def test_a_silent_drive_is_given_up_on_and_asked_again_later(rig: Rig, kin
 @pytest.mark.parametrize("kind", KINDS)
 async def test_garbage_is_told_from_silence(rig: Rig, kind: str) -> None:
     drive = Drive(lambda data: b"\x01\x02\x03\x04\x05")
-    async with ModbusMaster(await rig.drive(kind, drive), 60.0) as master:
-        with pytest.raises(GarbledError, match=r"no whole reply within 60 ms; .* 01 02 03 04 05$"):
+    async with ModbusMaster(await rig.drive(kind, drive), 400.0) as master:  # on a busy machine too
+        with pytest.raises(GarbledError, match=r"no whole reply within 400 ms; .* 01 02 03 04 05$"):
             await master.exchange(1, ASK)
 
 
