@@ -12,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from gateway.catalogue.entry import EventEntry
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
 from gateway.drives.library import names
@@ -185,7 +186,8 @@ def _fields(event: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> str:
-    return str(getattr(value, "value", value))
+    """Return a value as it is told: of an enum its value, of an entry of the catalogue its name."""
+    return value.name if isinstance(value, EventEntry) else str(getattr(value, "value", value))
 
 
 def _hear_ledger(note: Note) -> None:
