@@ -689,8 +689,9 @@ class World:
                 found += [("drive", each) for each in BEFORE if each in design.answers]
         if state.late is not None and "late" in design.happenings:
             found.append(("late",))
-        # A drive that always answers does so before time passes; one that has obeyed in silence has answered.
-        waits = design.is_answered and state.wire is not None and not state.wire.is_obeyed
+        # A drive that always answers does so before time passes, unless it has obeyed and says nothing.
+        is_silent = state.wire is not None and state.wire.is_obeyed and not state.split
+        waits = design.is_answered and state.wire is not None and not is_silent
         for number, axis in enumerate(state.axes):
             found += [
                 (each, number)
