@@ -12,10 +12,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from gateway.catalogue.entry import EventEntry
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
 from gateway.drives.library import names
-from gateway.exchange import line as exchange_line
 from gateway.exchange.line import LineExchange
 from tests.contract.bench import SESSIONS, DriveBench
 from tests.contract.script import run
@@ -158,18 +158,22 @@ def world(name: str) -> Iterator[str]:
 def _hear_events(module: Any, note: Note) -> None:
     """Have the lines that a module makes tell their events here, too."""
 
+    name = "BookedLine" if hasattr(module, "BookedLine") else "LineExchange"
+    kind = getattr(module, name)
+
     def made(plans: Any, timing: Any, link: Any, tell: Callable[[Any], None], **more: Any) -> LineExchange:
         def told(event: Any) -> None:
             fields = sorted(
                 (name, _plain(value)) for name, value in _fields(event).items() if name != "detail"
             )
             note(f"event {fields}")
-            note(f"sentence {event.kind.value}: {event.detail}")
+            note(f"sentence {event.kind.name}: {event.detail}")
             tell(event)
 
-        return exchange_line.LineExchange(plans, timing, link, told, **more)
+        line: LineExchange = kind(plans, timing, link, told, **more)
+        return line
 
-    module.LineExchange = made
+    setattr(module, name, made)
 
 
 def _fields(event: Any) -> dict[str, Any]:
@@ -182,7 +186,8 @@ def _fields(event: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> str:
-    return str(getattr(value, "value", value))
+    """Return a value as it is told: of an enum its value, of an entry of the catalogue its name."""
+    return value.name if isinstance(value, EventEntry) else str(getattr(value, "value", value))
 
 
 def _hear_ledger(note: Note) -> None:
