@@ -30,7 +30,7 @@ OF_METRIC: Final[Mapping[str, str]] = {
 }
 """The key of a counter by its name in the metrics, without ``pitch_gateway_`` and ``_total``."""
 ON_PAGE: Final[Mapping[str, str]] = {"exchanges/s": "exchanges", "over": "budget_overruns"}
-"""The key of a counter by what stands beside it on the page, where that is neither its words nor its key."""
+"""Counters for which the page shows another text than their words or key: the key, by that text."""
 
 
 @dataclass(frozen=True, slots=True)

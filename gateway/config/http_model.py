@@ -73,7 +73,7 @@ class HttpSection(StrictModel):
 
     tokens: Annotated[ListOf[TokenSection], Field(max_length=MOST_TOKENS)] = Field(
         default=(),
-        description="tokens with which somebody may look; none: nobody is asked for one",
+        description="tokens with which somebody may look; none: the page asks for none",
         json_schema_extra=documented(
             meaning=(
                 '`[{ name = "prometheus", file = "prometheus.token" }]`: who shows one of these '
@@ -83,7 +83,7 @@ class HttpSection(StrictModel):
                 "over TCP, on this machine too, never on the Unix socket"
             ),
             kind="list of tables, 16 at most",
-            default="none: nobody is asked for one",
+            default="none: the page asks for none",
         ),
     )
     tls: HttpTlsSection | None = Field(

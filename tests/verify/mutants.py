@@ -8,7 +8,7 @@ Verdicts are kept in ``mutants_verdicts.tsv``, by a digest of the method that wa
 stopped goes on where it was, and after a change only the mutants of changed methods are tried. Mutants are
 tried in an order that is drawn by lot from their names, so the first hundred are a sample of all. A first run
 asks some worlds of each mutant (``--most-worlds``); what survives these is tried with all of them later
-(``--again``). What survives then has to be explained, in ``mutants_explained.toml``.
+(``--again``). ``mutants_explained.toml`` has the reason for each that survives then.
 """
 
 import argparse
