@@ -544,9 +544,12 @@ def _refuse_unknown(request: Request, hit: FieldHit) -> None:
         return
     if not request.frame.access.is_consistent:
         raise refused(refusals.COUNTS_CONTRADICT, axis.plan.name, register=_at(hit))
-    refusal = refused(_why_incomplete(hit, request), axis.plan.name, register=_at(hit))
-    refusal.is_too_early = image.completeness is not Completeness.PART_REFUSED
-    raise refusal
+    raise refused(
+        _why_incomplete(hit, request),
+        axis.plan.name,
+        is_too_early=image.completeness is not Completeness.PART_REFUSED,
+        register=_at(hit),
+    )
 
 
 def _why_incomplete(hit: FieldHit, request: Request) -> RefusalEntry:

@@ -26,7 +26,12 @@ class RefusedRequestError(Exception):
 
 
 def refused(
-    entry: RefusalEntry, axis: str, kind: EventEntry = exchange_events.REFUSED_VALUE, **fields: object
+    entry: RefusalEntry,
+    axis: str,
+    kind: EventEntry = exchange_events.REFUSED_VALUE,
+    *,
+    is_too_early: bool = False,
+    **fields: object,
 ) -> RefusedRequestError:
     """Return what to raise for a refusal of the catalogue; ``fields`` are what its sentence names."""
-    return RefusedRequestError(entry.code, axis, entry.sentence(**fields), kind)
+    return RefusedRequestError(entry.code, axis, entry.sentence(**fields), kind, is_too_early=is_too_early)
