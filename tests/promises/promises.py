@@ -40,7 +40,9 @@ def promises() -> list[str]:
 def _keys() -> Iterator[str]:
     for section, table in TABLES.items():
         for row in rows(table):
-            yield f"key {section}: {row.key} | {row.kind} | {row.default}"
+            # What follows "none: " explains; it promises nothing.
+            default = "none" if row.default.startswith("none: ") else row.default
+            yield f"key {section}: {row.key} | {row.kind} | {default}"
 
 
 def _codes() -> Iterator[str]:
