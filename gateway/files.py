@@ -1,4 +1,4 @@
-"""Files that a person named: reading a regular file of a sensible size, and nothing else; making a new one.
+"""Files that a person named: reading a regular file of a sensible size, and nothing else; writing one whole.
 
 A FIFO would wait for ever for somebody to write into it, a device such as ``/dev/zero`` would fill the
 memory, and opening a serial port may switch a machine. So a name is looked at before it is opened, and what
@@ -6,7 +6,9 @@ was opened is looked at again.
 """
 
 import os
+import secrets
 import stat
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -88,6 +90,66 @@ def create(path: Path, mode: int = 0o600) -> int:
         OSError: it exists, or cannot be made.
     """
     return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+
+
+def write_file(path: Path, content: bytes, *, force: bool, is_secret: bool = False) -> None:
+    """Write a file that a person named, whole or not at all.
+
+    With ``force`` an existing file is replaced in one step, through a link too, and the new one keeps its
+    owner and mode. A secret is readable by its owner, and by others only as the replaced file was to its
+    group.
+
+    Raises:
+        FileExistsError: there is one, and no ``force``.
+        FileRefusedError: what would be replaced is no regular file.
+        OSError: it cannot be written; what was there is still there.
+    """
+    existing = None
+    if force:
+        path = Path(os.path.realpath(path))
+        with suppress(FileNotFoundError):
+            existing = path.stat()
+    if existing is not None and not stat.S_ISREG(existing.st_mode):
+        raise FileRefusedError(kind_of(existing.st_mode), "give a regular file, or a new name")
+    beside = path.with_name(f".pitch-gateway-{secrets.token_hex(8)}")
+    descriptor = create(beside, 0o600 if is_secret else 0o666)
+    try:
+        with os.fdopen(descriptor, "wb") as stream:
+            if existing is not None:
+                _make_like(descriptor, existing, is_secret=is_secret)
+            stream.write(content)
+            stream.flush()
+            os.fsync(descriptor)
+        if force:
+            beside.replace(path)
+        else:
+            _give_free_name(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _make_like(descriptor: int, existing: os.stat_result, *, is_secret: bool) -> None:
+    """Give a new file the owner and mode of the one that it replaces, as far as this user may."""
+    mode = stat.S_IMODE(existing.st_mode)
+    try:
+        os.fchown(descriptor, existing.st_uid, existing.st_gid)
+    except OSError:  # only root gives files away
+        if is_secret:  # its group is another one now
+            return
+    with suppress(OSError):  # a file system without modes
+        os.fchmod(descriptor, mode & 0o640 if is_secret else mode)
+
+
+def _give_free_name(beside: Path, path: Path) -> None:
+    """Give a file its name; FileExistsError where somebody has made one of that name meanwhile."""
+    try:
+        path.hardlink_to(beside)  # unlike a rename it replaces nothing
+    except FileExistsError:
+        raise
+    except OSError:  # a stick with FAT knows no links
+        if os.path.lexists(path):
+            raise FileExistsError(path) from None
+        beside.replace(path)
 
 
 def mark_of(status: os.stat_result) -> tuple[int, ...]:

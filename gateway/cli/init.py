@@ -19,6 +19,7 @@ from gateway.cli.asking import Asking, number, text, two_numbers, whole_number
 from gateway.cli.init_options import InitOptions, TargetFile, further_axis
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, print_lines, show
+from gateway.files import FileRefusedError, write_file
 
 if TYPE_CHECKING:
     from gateway.commissioning.first_configuration import Draft, Serial
@@ -373,10 +374,10 @@ def _state_of(file: Path, *, is_service: bool) -> str | None:
 
 
 def _write(file: Path, text: str, *, force: bool) -> None:
-    flags = os.O_WRONLY | os.O_CREAT | (os.O_TRUNC if force else os.O_EXCL)
     try:
-        with open(os.open(file, flags, 0o644), "w", encoding="utf-8") as target:  # noqa: PTH123 (a descriptor)
-            target.write(text)
+        write_file(file, text.encode(), force=force)
+    except FileRefusedError as error:
+        _refuse(f"{file}: {error}")
     except OSError as error:
         _refuse(f"{file} cannot be written ({error.strerror}); name a file in a folder of yours")
 

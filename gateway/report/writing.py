@@ -1,13 +1,10 @@
 """A report as a file: HTML, PNG or SVG by its suffix, written whole or not at all."""
 
-import os
-import secrets
 import stat
-from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from gateway.files import kind_of
+from gateway.files import FileRefusedError, kind_of, write_file
 from gateway.report.errors import ReportError
 from gateway.report.findings import find
 from gateway.report.story import Report
@@ -74,47 +71,16 @@ def check_place(path: Path, *, force: bool) -> None:
 
 
 def place(path: Path, content: bytes, *, force: bool) -> None:
-    """Put a file into its place in one step; a link is followed, a replaced file keeps its mode.
+    """Put a file into its place in one step, as :func:`gateway.files.write_file` does.
 
     Raises:
         ReportError: a file of this name and no ``force``, or the place cannot be written to.
     """
     try:
-        _put(Path(os.path.realpath(path)), content, force=force)
+        write_file(path, content, force=force)
     except FileExistsError:
         raise ReportError(f"{path}: a file of this name; give a new name, or --force") from None
+    except FileRefusedError as error:
+        raise ReportError(f"{path}: {error}") from None
     except OSError as error:
         raise ReportError(f"{path}: {error.strerror or error}; give a place to write to") from None
-
-
-def _put(path: Path, content: bytes, *, force: bool) -> None:
-    beside = path.with_name(f".pitch-gateway-{secrets.token_hex(8)}")
-    try:
-        with beside.open("xb") as stream:
-            if force:
-                with suppress(OSError):  # a new file, or a file system without modes
-                    os.fchmod(stream.fileno(), stat.S_IMODE(path.stat().st_mode))
-            stream.write(content)
-        if force:
-            beside.replace(path)
-        else:
-            _put_new(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
-
-
-def _put_new(beside: Path, path: Path) -> None:
-    """Give a file its name, if the name is free.
-
-    Raises:
-        FileExistsError: it is not.
-    """
-    try:
-        # A link, unlike a rename, does not replace what somebody has put there meanwhile.
-        path.hardlink_to(beside)
-    except FileExistsError:
-        raise
-    except OSError:  # a stick with FAT knows no links
-        if path.exists():
-            raise FileExistsError(path) from None
-        beside.replace(path)

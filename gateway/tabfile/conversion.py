@@ -1,9 +1,6 @@
 """A table written in another dialect: read back first, then the file replaced in one step; even grids."""
 
 import os
-import secrets
-import stat
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import ceil, floor
@@ -12,7 +9,7 @@ from typing import Final
 
 from gateway.compensation.curve import Curve
 from gateway.compensation.table import CorrectionTable, make_table
-from gateway.files import kind_of
+from gateway.files import FileRefusedError, write_file
 from gateway.tabfile import (
     DIALECTS,
     OPTIONS,
@@ -133,44 +130,14 @@ def write(out: Path, text: str, *, force: bool, encoding: str = "utf-8") -> None
         TabFileError: a file of this name exists, it is no regular file, or the place cannot be written to.
     """
     try:
-        if force:
-            _replace(Path(os.path.realpath(out)), text.encode(encoding))
-        else:
-            _create(out, text.encode(encoding))
+        write_file(out, text.encode(encoding), force=force)
     except FileExistsError:
         raise TabFileError(Problem(str(out), "a file of this name", "a new name, or --force")) from None
+    except FileRefusedError as error:
+        replaced = os.path.realpath(out)  # what a link names
+        raise TabFileError(Problem(replaced, error.found, "a regular file, or a new name")) from None
     except OSError as error:
         raise TabFileError(Problem(str(out), error.strerror or str(error), "a place to write to")) from error
-
-
-def _create(out: Path, content: bytes) -> None:
-    with out.open("xb") as stream:
-        try:
-            stream.write(content)
-            stream.flush()
-        except OSError:
-            out.unlink(missing_ok=True)
-            raise
-
-
-def _replace(out: Path, content: bytes) -> None:
-    try:
-        existing = out.stat()
-    except FileNotFoundError:
-        existing = None
-    if existing is not None and not stat.S_ISREG(existing.st_mode):
-        raise TabFileError(Problem(str(out), kind_of(existing.st_mode), "a regular file, or a new name"))
-    beside = out.with_name(f".pitch-gateway-{secrets.token_hex(8)}")
-    try:
-        with beside.open("xb") as stream:
-            if existing is not None:
-                with suppress(PermissionError):  # only root gives files away
-                    os.fchown(stream.fileno(), existing.st_uid, existing.st_gid)
-                os.fchmod(stream.fileno(), stat.S_IMODE(existing.st_mode))
-            stream.write(content)
-        beside.replace(out)
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 # --- A free grid made even, for the controls that know no other, and what that changes
